@@ -2,10 +2,11 @@
 
 Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
 only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice, moves
-10,000 and 200,000 points through them, and reads the chunks of the times once with zarr alone; APART (4)
-frames are from one time to the next. Prints CPU seconds, the share of them in which velocities are read and
-checked, the most memory of each process, and the size of the store as it would be whole. The store lies
-among temporary files.
+10,000 and 200,000 points through them, simulates a ball that is resampled, grows a path surface, whose new
+vertices come from their seeds through all times, and reads the chunks of the times once with zarr alone;
+APART (4) frames are from one time to the next. Prints CPU seconds, the share of them in which velocities are
+read and checked, the most memory of each process, and the size of the store as it would be whole. The store
+lies among temporary files.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import sys
 import tempfile
 from itertools import product
 from pathlib import Path
-from time import process_time
+from time import process_time, time_ns
 
 import numpy as np
 
@@ -26,14 +27,17 @@ from benchmarks.report import Row, keep, show
 
 CHUNK = 50
 FPS = 24.0
+LINE = "[[-0.6, 0.1, 0.2], [0.6, 0.1, 0.2]]"
+ALONE, BALL, SURFACE = -1, -2, -3  # in place of a number of points
 
 
 def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
-    """Write a store of a turn that changes its direction, chunk by chunk."""
+    """Write a store of a turn that changes its direction; chunks are written as plain files."""
     import zarr
 
     store = folder / "field.zarr"
     root = zarr.open_group(store, mode="w", zarr_format=3)
+    root.attrs["written"] = time_ns()  # else the user's cache would have its slopes from the last run
     axis = np.linspace(-1.0, 1.0, nodes)
     chunk = min(CHUNK, nodes)
     for name, units in (("x", "m"), ("y", "m"), ("z", "m"), ("time", "s")):
@@ -52,15 +56,17 @@ def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
             dimension_names=["time", "z", "y", "x"],
         )
         array.attrs["units"] = "m s-1"
-        for t in range(times):
-            for place in np.ndindex(*[-(-nodes // chunk)] * 3):
-                if generator.random() > share:
-                    continue
-                part = tuple(slice(chunk * k, min(chunk * (k + 1), nodes)) for k in place)
-                z, y, x = np.ix_(*(axis[each] for each in part))
-                turn = 0.3 * t
-                numbers = {"u": np.cos(turn) * z - y, "v": x + 0 * z, "w": -np.cos(turn) * x}[name]
-                array[(t, *part)] = np.broadcast_to(numbers, [len(axis[each]) for each in part])
+        for t, *place in np.ndindex(times, *[-(-nodes // chunk)] * 3):
+            if generator.random() > share:
+                continue
+            z, y, x = np.ix_(*(axis[chunk * k : chunk * (k + 1)] for k in place))
+            turn = 0.3 * t
+            numbers = {"u": np.cos(turn) * z - y, "v": x, "w": -np.cos(turn) * x}[name]
+            whole = np.full([chunk] * 3, np.nan, np.float32)
+            whole[: z.size, : y.size, : x.size] = numbers
+            path = store / name / "c" / "/".join(map(str, (t, *place)))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            whole.tofile(path)
     return store
 
 
@@ -69,7 +75,7 @@ def read_alone(store: Path, times: int) -> None:
     import zarr
 
     begin, root = process_time(), zarr.open_group(store, mode="r")
-    for t, name in product(range(times), "uvw"):
+    for t, name in product(range(min(times, root["time"].shape[0])), "uvw"):
         array = root[name]
         for first in range(0, array.shape[1], CHUNK):
             array[t, first : first + CHUNK]
@@ -78,11 +84,15 @@ def read_alone(store: Path, times: int) -> None:
 
 
 def measured(store: Path, frames: int, count: int, apart: float) -> None:
-    """Print CPU seconds, those of reading, and the most memory (MiB) of moving points; of planning with 0."""
+    """Print CPU seconds, those of reading, and the most memory (MiB) of moving points.
+
+    With 0 points those of planning, with BALL and SURFACE those of simulating a shot.
+    """
+    from flowsculpt.pipeline.animation import animate
     from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
     from flowsculpt.pipeline.shot import read_shot
 
-    read, reading = WindowedSamples._read, [0.0]
+    read, reading = WindowedSamples.velocities, [0.0]
 
     def timed(samples: WindowedSamples, index: int) -> np.ndarray:
         began = process_time()
@@ -90,16 +100,24 @@ def measured(store: Path, frames: int, count: int, apart: float) -> None:
         reading[0] += process_time() - began
         return velocity
 
-    WindowedSamples._read = timed  # type: ignore[method-assign]
+    WindowedSamples.velocities = timed  # type: ignore[method-assign]
 
     pace = FPS / apart
-    text = (
-        f"title: Windows\nframes: 1-{frames}\nsubject: {{solid: icosphere}}\nresample: off\n"
-        f"flows: [{{sampled: {{file: {store.name}, time_scale: {pace:.9g}, strength: {0.3 / pace:.9g}}}}}]\n"
-    )
+    field = f"[{{sampled: {{file: {store.name}, time_scale: {pace:.9g}, strength: {0.3 / pace:.9g}}}}}]"
+    text = f"title: Windows\nframes: 1-{frames}\n"
+    if count == SURFACE:
+        text += f"subject: {{path_surface: {{line: {LINE}}}, max_edge_length: 0.02, velocity: {field}}}\n"
+    elif count == BALL:
+        text += "subject: {solid: icosphere, radius: 0.8}\nresample: {max_edge_length: 0.03}\n"
+        text += f"flows: {field}\n"
+    else:
+        text += f"subject: {{solid: icosphere}}\nresample: off\nflows: {field}\n"
     begin = process_time()
     shot = read_shot(store.parent / "windows.yaml", text)
-    if count:
+    if count in (BALL, SURFACE):
+        for _ in animate(shot):
+            pass
+    elif count:
         points = np.random.default_rng(2).uniform(-0.9, 0.9, (count, 3))
         for frame in range(2, frames + 1):
             points = shot.motion.flow.displace(points, *shot.motion.clock.step(frame))
@@ -120,7 +138,8 @@ def main() -> None:
         store = write_store(Path(folder), int(nodes), int(times), share)
         written = process_time() - begin
         steps = {"plan": 0, "plan again": 0, "move 10,000 points": 10_000, "move 200,000 points": 200_000}
-        for name, count in {**steps, "zarr alone": -1}.items():
+        steps |= {"simulate a ball": BALL, "path surface": SURFACE, "zarr alone": ALONE}
+        for name, count in steps.items():
             command = [sys.executable, "-m", "benchmarks.field_windows", "--measure"]
             command += [str(store), str(int(frames)), str(count), str(apart)]
             answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
@@ -140,7 +159,7 @@ def main() -> None:
 if __name__ == "__main__":
     if "--measure" in sys.argv:
         place, frame_count, point_count, between = sys.argv[sys.argv.index("--measure") + 1 :]
-        if int(point_count) < 0:  # as many times as the frames pass, and the first
+        if int(point_count) == ALONE:  # as many times as the frames pass, and the first
             read_alone(Path(place), 1 + math.ceil((int(frame_count) - 1) / float(between) - 1e-9))
         else:
             measured(Path(place), int(frame_count), int(point_count), float(between))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,6 @@ from flowsculpt.pipeline.plugins.fields.cf_headers import (
 from flowsculpt.pipeline.plugins.fields.curvilinear_grids import CurvilinearGrid
 from flowsculpt.pipeline.plugins.fields.grid_layout import Coordinates, GridLayout, Placing
 from flowsculpt.pipeline.plugins.fields.windowed_samples import (
-    GridSource,
     SourceFiles,
     WindowedSamples,
     file_digest,
@@ -59,7 +58,7 @@ LAYER_PARTS = 8  # parts in which the layers of a file without chunks are read
 
 
 @dataclass(frozen=True)
-class CFSource(GridSource):
+class CFSamples(WindowedSamples):
     """Velocities of files with the same grid, one after another in time."""
 
     paths: tuple[tuple[Path, ...], ...]
@@ -118,7 +117,7 @@ class CFSource(GridSource):
             )
         return whole
 
-    def seconds_until(self, other: CFSource) -> float:
+    def seconds_until(self, other: CFSamples) -> float:
         """Return the seconds from the first time to that of others; 0 where one of them has no date."""
         one, two = self.headers[0].time_units, other.headers[0].time_units
         if one is None or two is None:
@@ -183,7 +182,7 @@ class CFSource(GridSource):
         with stored_arrays.opened_together(header.paths, self.selection.group) as dataset:
             return {name: tuple(map(str, dataset.variables[name].dims)) for name in header.names.values()}
 
-    def files(self, index: int) -> SourceFiles:
+    def current_files(self, index: int) -> SourceFiles:
         k, i = self._where[index]
         header, at = self.headers[k], dict(self.selection.at)
         if TIME in header.axes:
@@ -203,39 +202,38 @@ class CFSource(GridSource):
             convention_faults(header.path),
         ):
             for stored, layers in self._layers(header, dataset):
-                components, missing = {}, None
-                for axis, name in header.names.items():
-                    values, lacking = self._component(header, dataset.variables[name], i, stored)
-                    components[axis] = values
-                    if lacking is not None:
-                        missing = lacking if missing is None else missing | lacking
-                if missing is not None:
-                    for values in components.values():
-                        values[missing] = 0.0
+                components, missing = self._components(header, dataset, i, stored)
                 if header.curvilinear is not None:
                     components, missing = header.curvilinear.resampled(components, missing)
                 self.layout.fill(out, layers, components, missing, header.is_angular)
+                del components, missing  # before others take as much memory
         return out
 
     def resampling_error(self) -> float:
         """Return the rms error of the first time at the nodes of a curvilinear grid, over its rms."""
-        header, layers = self.headers[0], slice(0, 1)
+        header = self.headers[0]
         assert header.curvilinear is not None, "other grids are read as they are"
         with (
             stored_arrays.opened_together(header.paths, self.selection.group) as dataset,
             convention_faults(header.path),
         ):
-            read = {
-                axis: self._component(header, dataset.variables[name], 0, layers)
-                for axis, name in header.names.items()
-                if axis != UP
-            }
-        missing = None
-        for values, lacking in read.values():
+            level = replace(header, names={axis: name for axis, name in header.names.items() if axis != UP})
+            components, missing = self._components(level, dataset, 0, slice(0, 1))
+        return header.curvilinear.error(components, missing)
+
+    def _components(
+        self, header: FileHeader, dataset: Any, index: int, layers: slice
+    ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+        """Return the components as of `_component`, 0 where any is missing, and where that is."""
+        components, missing = {}, None
+        for axis, name in header.names.items():
+            components[axis], lacking = self._component(header, dataset.variables[name], index, layers)
             if lacking is not None:
-                values[lacking] = 0.0
                 missing = lacking if missing is None else missing | lacking
-        return header.curvilinear.error({axis: values for axis, (values, _) in read.items()}, missing)
+        if missing is not None:
+            for values in components.values():
+                values[missing] = 0.0
+        return components, missing
 
     def _layers(self, header: FileHeader, dataset: Any) -> Iterator[tuple[slice, slice]]:
         """Yield layers to read at once: indices in the file along the axis up, and in the grid.
@@ -342,8 +340,8 @@ def cf_samples(
     selection: Selection,
     placing: Placing,
     *others: tuple[Path, ...],
-    reader: type[CFSource] = CFSource,
-) -> tuple[WindowedSamples, tuple[str, ...]]:
+    kind: type[CFSamples] = CFSamples,
+) -> tuple[CFSamples, tuple[str, ...]]:
     """Return the samples of files with the same grid, one after another in time; and notes on them.
 
     others  for each of the files one with further components
@@ -359,12 +357,12 @@ def cf_samples(
         if header.names != first.names or not _same_grid(header.coordinates, first.coordinates):
             fact = f"its grid or its variables differ from those of {first.path.name}"
             raise UsageError(f"{header.path}: {fact}; all files of a sequence share one grid")
-    source = reader(together, selection, placing, headers)
+    samples = kind(together, selection, placing, headers)
     with convention_faults(first.path):
-        layout, times = source.layout, source.times
+        layout, times = samples.layout, samples.times
     if not (np.diff(times) > 0).all():
         k = int(np.argmin(np.diff(times) > 0))
-        last, following = (headers[source._where[n][0]].path for n in (k, k + 1))
+        last, following = (headers[samples._where[n][0]].path for n in (k, k + 1))
         raise UsageError(
             f"{following}: its first time is not after the last one of {last.name}; name files so that their "
             "numbers ascend in time, and leave out those that overlap"
@@ -375,18 +373,17 @@ def cf_samples(
         notes.append(
             f"{first.path.name}: the plane is {size / 1000:.4g} km wide, a metre a unit; write fit: 4"
         )
-    samples = WindowedSamples(source)
     if first.curvilinear is not None and not selection.is_number:
-        notes.append(f"{first.path.name}: {_resampling(samples, source, first.curvilinear)}")
+        notes.append(f"{first.path.name}: {_resampling(samples, first.curvilinear)}")
     return samples, tuple(notes)
 
 
-def _resampling(samples: WindowedSamples, source: CFSource, grid: CurvilinearGrid) -> str:
+def _resampling(samples: CFSamples, grid: CurvilinearGrid) -> str:
     """Return a note on how a curvilinear grid is read; the error is kept in the user's cache."""
     answer = CachedAnswer.of("field_errors", [samples.digest(0)])
     error = answer.load(lambda kept: float(kept["error"]))
     if error is None:
-        error = source.resampling_error()
+        error = samples.resampling_error()
         answer.store_alone({"error": error})
     before, after = (" × ".join(map(str, each)) for each in (grid.longitudes.shape, grid.grid.shape))
     return (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt.pipeline.plugins.fields.cf_conventions import EAST, NORTH, text
-from flowsculpt.pipeline.plugins.fields.cf_files import CFSource
+from flowsculpt.pipeline.plugins.fields.cf_files import CFSamples
 from flowsculpt.pipeline.plugins.fields.grid_layout import FLAT, SPHERE
 from flowsculpt.pipeline.plugins.fields.stored_arrays import opened_together
 
@@ -39,7 +39,7 @@ SHOWN = {
 """Units as readers know them, by those that files write."""
 
 
-class CFNumbers(CFSource):
+class CFNumbers(CFSamples):
     """Numbers in place of velocities: the value where it is known, 1 where it is, and 1."""
 
     is_paced = False

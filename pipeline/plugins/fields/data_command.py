@@ -12,6 +12,7 @@ from rich.text import Text
 
 from flowsculpt import UsageError
 from flowsculpt.api.commands import duration_words, empty_table, print_result
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import Common
 from flowsculpt.api.shots import ParseContext
 from flowsculpt.pipeline.plugins.fields import stored_arrays
@@ -87,16 +88,15 @@ def _extents(header: FileHeader) -> dict[str, Any]:
     horizontal = "degrees" if here.is_geographic else "m"
     axes = {"x": (here.east, horizontal), "y": (here.north, horizontal), "z": (here.up, "m")}
     return {
-        name: {
-            "axis": header.axes[name].coordinate,
-            "from": float(values[0]),
-            "to": float(values[-1]),
-            "unit": unit,
-        }
-        | {"nodes": len(values)}
+        name: _extent(header.axes[name].coordinate, values, unit)
         for name, (values, unit) in axes.items()
         if values is not None
     }
+
+
+def _extent(axis: str, values: Floats, unit: str) -> dict[str, Any]:
+    ends = {"from": float(values[0]), "to": float(values[-1])}
+    return {"axis": axis, **ends, "unit": unit, "nodes": len(values)}
 
 
 def _times(header: FileHeader) -> dict[str, Any] | None:
@@ -138,16 +138,7 @@ def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
         "variables": variables,
         "groups": [],
         "velocity": {"xyz": vectors[0] if len(vectors) == 1 else "velocity"},
-        "extents": {
-            name: {
-                "axis": name,
-                "from": float(axis[0]),
-                "to": float(axis[-1]),
-                "unit": "",
-                "nodes": len(axis),
-            }
-            for name, axis in zip("xyz", samples.axes, strict=True)
-        },
+        "extents": {name: _extent(name, axis, "") for name, axis in zip("xyz", samples.axes, strict=True)},
         "times": {"count": len(times), "first": "", "last": "", "calendar": "", "interval": 0.0}
         | {"seconds": float(times[-1] - times[0])},
         "missing": {},
@@ -198,14 +189,8 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
     lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
     lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
     lines += [*facts["notes"], f"in a shot: {facts['shot']}"]
-    return [
-        *lines,
-        *(
-            [f"by its colours: values: {{variable: {shown}}}"]
-            if (shown := _variable_for_colours(facts))
-            else []
-        ),
-    ]
+    shown = _variable_for_colours(facts)
+    return [*lines, f"by its colours: values: {{variable: {shown}}}"] if shown else lines
 
 
 def _variable_for_colours(facts: dict[str, Any]) -> str:

@@ -23,7 +23,7 @@ from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Clock, Document, FlowParameters, OneOfSeveral, ParseContext, Positive, Triple
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.cf_conventions import DATE, duration
-from flowsculpt.pipeline.plugins.fields.cf_files import CFSource, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import CFSamples, cf_samples
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.cf_numbers import CFNumbers
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named, is_there
@@ -130,12 +130,11 @@ class SampledDocument(FlowParameters):
             if any(len(other) != len(paths) for other in others):
                 counts = " and ".join(str(len(each)) for each in (paths, *others))
                 raise UsageError(f"file and also name {counts} files. Name as many of each component.")
-            self._samples, notes = cf_samples(paths, self._selection(), self._placing(), *others)
+            samples, notes = cf_samples(paths, self._selection(), self._placing(), *others)
+            self._samples = samples
             context.notes.extend(notes)
             if isinstance(self.start, str):
-                source = self._samples.source
-                assert isinstance(source, CFSource), "it is read by the conventions"
-                self._start = source.seconds_of(self.start)
+                self._start = samples.seconds_of(self.start)
             self._note_files(0, 0)
             return self
         if isinstance(self.start, str):
@@ -191,40 +190,37 @@ class SampledDocument(FlowParameters):
         paths = files_named(name, self._context)
         flow: Sampled = super(SampledDocument, self._started).build(clock)
         if is_stored(paths[0]):
-            samples, source, start = self._stored_numbers(paths, variable)
+            samples, start = self._stored_numbers(paths, variable)
             flow = replace(flow, samples=samples, start=flow.start - start)
             self._note_files(*self._span(flow, clock), samples)
-            return flow, *source.named
+            return flow, *samples.named
         read = read_samples(paths, variable, float(self.interval), self.resolution, is_number=True)
         self._context.digests.update(read.files)
         return replace(flow, samples=read.samples), variable, ""
 
-    def _stored_numbers(
-        self, paths: tuple[Path, ...], variable: str
-    ) -> tuple[WindowedSamples, CFNumbers, float]:
-        """Return the samples of a variable on the grid of the velocities, their reader, and their delay."""
+    def _stored_numbers(self, paths: tuple[Path, ...], variable: str) -> tuple[CFNumbers, float]:
+        """Return the samples of a variable on the grid of the velocities, and their delay."""
         ours, placing = self._samples, self._placing()
-        if not isinstance(ours, WindowedSamples) or not isinstance(ours.source, CFSource):
+        if not isinstance(ours, CFSamples):
             raise UsageError(
                 f"{paths[0]}: it has places of its own, and {self.file} has others. Name one like it."
             )
-        if not ours.source.layout.is_round:
-            placing = replace(placing, up="z" if ours.source.layout.is_upright else "y")
+        if not ours.layout.is_round:
+            placing = replace(placing, up="z" if ours.layout.is_upright else "y")
         at = tuple((self.at or {}).items())
         even = Selection(along="east", resolution=self.resolution, is_number=True)  # where its grid is bent
         selection = replace(
             even, variables=(("x", variable),), at=at, group=self.group, interval=float(self.interval)
         )
-        samples, notes = cf_samples(paths, selection, placing, reader=CFNumbers)
-        theirs = samples.source
+        theirs, notes = cf_samples(paths, selection, placing, kind=CFNumbers)
         assert isinstance(theirs, CFNumbers), "that reads them"
-        if not theirs.layout.is_round and not theirs.layout.is_above(ours.source.layout):
+        if not theirs.layout.is_round and not theirs.layout.is_above(ours.layout):
             raise UsageError(
                 f"{paths[0]}: longitudes and latitudes of {variable} differ from those of the velocities. "
                 "Put both on one grid, for example by cdo remapbil, or write map: sphere."
             )
         self._context.notes.extend(notes)
-        return samples, theirs, ours.source.seconds_until(theirs)
+        return theirs, ours.seconds_until(theirs)
 
     @property
     def _started(self) -> Self:

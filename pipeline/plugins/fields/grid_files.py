@@ -30,7 +30,6 @@ from flowsculpt.pipeline.plugins.fields.vtk_grids import (
 from flowsculpt.pipeline.plugins.fields.vtk_meshes import RESAMPLED, read_resampled
 from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     MAX_SPEED,
-    GridSource,
     SourceFiles,
     WindowedSamples,
     file_digest,
@@ -137,8 +136,8 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float, kind: _Ki
         return FieldFiles(samples, (*listed, *first.files), first.notes)
     _require_one_time(files[0], first.velocity)
     if len(files) * first.velocity.nbytes > IN_MEMORY:
-        source = GridFileSource(files, array, kind, first.axes, times, first.turn)
-        return FieldFiles(WindowedSamples(source), (*listed, *first.files), first.notes)
+        windowed = GridFileSamples(files, array, kind, first.axes, times, first.turn)
+        return FieldFiles(windowed, (*listed, *first.files), first.notes)
     velocity, digests, read = (
         np.empty((len(files), *first.velocity.shape[1:])),
         [first.digest],
@@ -184,11 +183,11 @@ def _in_memory(
 
 
 @dataclass(frozen=True)
-class GridFileSource(GridSource):
+class GridFileSamples(WindowedSamples):
     """Files with a time each, all on the grid of the first."""
 
     paths: tuple[Path, ...]
-    array: str | None
+    velocity_name: str | None
     kind: _Kind
     axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
     times: Floats = field(compare=False, repr=False)
@@ -201,17 +200,17 @@ class GridFileSource(GridSource):
     @property
     def settings(self) -> Any:
         more = [] if self.kind.resolution is None else [self.kind.resolution]
-        return ["grid", self.array, *more, *(["numbers"] if self.kind.is_number else [])]
+        return ["grid", self.velocity_name, *more, *(["numbers"] if self.kind.is_number else [])]
 
     def place(self, index: int) -> Any:
         return 0
 
-    def files(self, index: int) -> SourceFiles:
+    def current_files(self, index: int) -> SourceFiles:
         path = self.paths[index]
         return tuple((each, file_digest(each)) for each in (path, *piece_files(path)))
 
     def read(self, index: int) -> np.ndarray:
-        part = _read_file(self.paths[index], self.array, self.kind)
+        part = _read_file(self.paths[index], self.velocity_name, self.kind)
         _require_same_grid(self.paths[index], part, self.paths[0], self.axes, self.turn)
         return np.ascontiguousarray(part.velocity[0], np.float32)
 

@@ -6,8 +6,8 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections import OrderedDict
-from dataclasses import dataclass
+from collections import Counter, OrderedDict
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -19,12 +19,16 @@ from flowsculpt import FrameError, MissingInputError
 from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats, ModelFile
+from flowsculpt.pipeline.plugins.fields.scratch_arrays import ScratchArrays
 
 VERSION = 1
 """Raised when equal files and settings give other velocities."""
 
 KEPT, KEPT_BYTES = 2, 1 << 28
 """Times whose velocities are kept in memory at least, and the bytes up to which more are."""
+
+ONCE_EACH = 2
+"""Times are read for their gradients and for their frames; from the next time on they are kept in a file."""
 
 MAX_SPEED = 1e12  # as of any number in a shot file: squares and sums of such numbers stay finite
 
@@ -34,19 +38,20 @@ SourceFiles = tuple[tuple[Path, str], ...]
 """Files and their digests; empty for a file that is not there."""
 
 
-class GridSource(ABC):
-    """Reader of the velocities of single times from files. Hashable: equal sources read the same.
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, which is read again only once its size, time or place has changed."""
+    return ModelFile(path).files(keeps_digest=True).files[0][1]
 
-    axes      three float64 arrays, each ascending and of two numbers or more
-    times     (T,) seconds, ascending
-    geometry, turn, is_paced  as of `Samples`
+
+class WindowedSamples(Samples, ABC):
+    """Samples in files: read when they are used, and checked against the digests that keys have.
+
+    Classes of them are frozen dataclasses; equal samples read the same. What others have of attributes of
+    `Samples` they define themselves.
     """
 
-    axes: tuple[Floats, Floats, Floats]
-    times: Floats
-    geometry: int
-    turn: Floats | None = None
-    is_paced: bool = False
+    array: ClassVar[str | None] = None  # type: ignore[misc]
+    is_single: ClassVar[bool] = True  # type: ignore[misc]
 
     @property
     @abstractmethod
@@ -54,7 +59,7 @@ class GridSource(ABC):
         """Everything besides the contents of files that decides the velocities, JSON-able."""
 
     @abstractmethod
-    def files(self, index: int) -> SourceFiles:
+    def current_files(self, index: int) -> SourceFiles:
         """Return the files of a time and their digests, for which nothing is parsed."""
 
     @abstractmethod
@@ -65,49 +70,9 @@ class GridSource(ABC):
     def read(self, index: int) -> np.ndarray:
         """Return float32 velocities (X, Y, Z, 3) at a time, in C order."""
 
-    metre: float | None = None
-    """The length of a metre in the scene, where that is known."""
-
-    def date(self, seconds: float) -> str:
-        """Return the date and time at seconds of `times`; empty where there is none."""
-        return ""
-
     def metric(self, axis: int) -> Floats:
         """Return the distances between neighbours along an axis, to be broadcast to theirs (X, Y, Z)."""
         return np.diff(self.axes[axis]).reshape([-1 if k == axis else 1 for k in range(3)])
-
-    @property
-    def period(self) -> float:
-        """Seconds after which the first time comes again, where the samples repeat."""
-        return float(self.times[-1] - self.times[0])
-
-    @property
-    def spacing(self) -> float:
-        """The shortest length over which velocities vary."""
-        return min(float(np.diff(axis).min()) for axis in self.axes)
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file, which is read again only once its size, time or place has changed."""
-    return ModelFile(path).files(keeps_digest=True).files[0][1]
-
-
-@dataclass(frozen=True)
-class WindowedSamples(Samples):
-    """Samples of a source: read when they are used, and checked against the digests that keys have."""
-
-    source: GridSource
-
-    array: ClassVar[str | None] = None  # type: ignore[misc]
-    is_single: ClassVar[bool] = True  # type: ignore[misc]
-
-    @property
-    def axes(self) -> tuple[Floats, Floats, Floats]:  # type: ignore[override]
-        return self.source.axes
-
-    @property
-    def times(self) -> Floats:  # type: ignore[override]
-        return self.source.times
 
     @property
     def is_large(self) -> bool:  # type: ignore[override]
@@ -118,40 +83,13 @@ class WindowedSamples(Samples):
         """The times whose velocities are kept in memory."""
         return max(KEPT, KEPT_BYTES // (12 * math.prod(map(len, self.axes))))
 
-    @property
-    def geometry(self) -> int:  # type: ignore[override]
-        return self.source.geometry
-
-    @property
-    def turn(self) -> Floats | None:  # type: ignore[override]
-        return self.source.turn
-
-    @property
-    def is_paced(self) -> bool:  # type: ignore[override]
-        return self.source.is_paced
-
-    @cached_property
-    def spacing(self) -> float:
-        return self.source.spacing
-
-    @property
-    def period(self) -> float:
-        return self.source.period
-
-    @property
-    def metre(self) -> float | None:  # type: ignore[override]
-        return self.source.metre
-
-    def date(self, seconds: float) -> str:
-        return self.source.date(seconds)
-
     def __getstate__(self) -> dict[str, Any]:
-        return {"source": self.source}
+        return {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
 
     def files(self, index: int) -> SourceFiles:
         """Return the files of a time as they were at first: keys have these digests."""
         if index not in self._files:
-            self._files[index] = self.source.files(index)
+            self._files[index] = self.current_files(index)
         return self._files[index]
 
     @cached_property
@@ -161,7 +99,7 @@ class WindowedSamples(Samples):
     def digest(self, index: int) -> str:
         if index not in self._digests:
             contents = [digest for _, digest in self.files(index)]
-            deciding = [VERSION, self.source.settings, self.source.place(index), contents]
+            deciding = [VERSION, self.settings, self.place(index), contents]
             self._digests[index] = hashlib.sha256(json.dumps(deciding).encode()).hexdigest()
         return self._digests[index]
 
@@ -176,12 +114,27 @@ class WindowedSamples(Samples):
                 return self._kept[index]
             while len(self._kept) >= self._room:  # before others take as much memory
                 self._kept.popitem(last=False)
-            self._kept[index] = self._read(index)
-            return self._kept[index]
+            if (velocity := self._scratch.get(index)) is None:
+                velocity = self._read(index)
+                self._reads[index] += 1
+                if self._reads[index] > ONCE_EACH:
+                    self._scratch.add(index, velocity)
+            self._kept[index] = velocity
+            return velocity
 
     @cached_property
     def _kept(self) -> OrderedDict[int, np.ndarray]:
         return OrderedDict()
+
+    @cached_property
+    def _reads(self) -> Counter[int]:
+        """How often each time was read."""
+        return Counter()
+
+    @cached_property
+    def _scratch(self) -> ScratchArrays:
+        """Times that are needed again and again, as where vertices are born on surfaces from seeds."""
+        return ScratchArrays((*map(len, self.axes), 3))
 
     @cached_property
     def _lock(self) -> Lock:
@@ -189,9 +142,9 @@ class WindowedSamples(Samples):
 
     def _read(self, index: int) -> np.ndarray:
         files = self.files(index)
-        velocity = self.source.read(index)
-        if self.source.files(index) != files:
-            changed = next(path for path, digest in set(files) ^ set(self.source.files(index)))
+        velocity, now = self.read(index), self.current_files(index)
+        if now != files:
+            changed = next(path for path, digest in set(files) ^ set(now))
             raise MissingInputError(f"{changed}: it was changed since the work was planned; run again")
         self._require_finite(files[0][0], velocity, index)
         return velocity
@@ -213,7 +166,7 @@ class WindowedSamples(Samples):
         known = answer.load(lambda kept: [float(number) for number in kept["slopes"]])
         if known is None or len(known) != 3:
             velocity = self.velocities(index)
-            known = [_largest_secant(velocity, self.source.metric(k), k) for k in range(3)]
+            known = [_largest_secant(velocity, self.metric(k), k) for k in range(3)]
             answer.store_alone({"slopes": known})
         return np.array(known)
 
@@ -222,8 +175,13 @@ def _largest_secant(velocity: np.ndarray, metric: Floats, k: int) -> float:
     """Return the largest difference of neighbours along axis k over their distance."""
     most = 0.0
     for first in range(0, len(velocity), ROWS):
-        part = velocity[first : first + ROWS + (k == 0)]
-        rises = np.linalg.norm(np.diff(part, axis=k), axis=-1)
+        rises = np.diff(velocity[first : first + ROWS + (k == 0)], axis=k)
+        rises *= rises
+        squares = rises[..., 0] + rises[..., 1] + rises[..., 2]
         along = metric[first : first + ROWS] if len(metric) > 1 else metric
-        most = max(most, float((rises / along).max(initial=0.0)))
+        alike = tuple(
+            axis for axis in range(3) if along.shape[axis] == 1
+        )  # of one distance the largest is enough
+        longest = np.sqrt(squares.max(axis=alike, keepdims=True, initial=0.0))
+        most = max(most, float((longest / along).max(initial=0.0)))
     return most

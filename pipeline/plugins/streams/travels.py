@@ -63,15 +63,17 @@ class TravelStep:
     flow   moves them, in as many sub-steps as the fastest of them needs
     begin  seconds
     end    seconds; before `begin` in a step backwards
-    plan   of the whole step
+    count  of sub-steps
     field  what the velocities are, JSON-able; None if they change within the step
+    kept   the plan of the whole step; None if its velocities take so much memory that none is kept
     """
 
     flow: Streamlines
     begin: float
     end: float
-    plan: Any
+    count: int
     field: Any
+    kept: Any
 
     @classmethod
     def of(cls, flow: Streamlines, begin: float, end: float, speed: float) -> TravelStep:
@@ -86,7 +88,15 @@ class TravelStep:
             flow = replace(flow, substeps=int(count))
         seen = [[row.as_data() for row in flow.field.program(begin + share * seconds)] for share in _LOOKS]
         steady = all(each == seen[0] for each in seen)
-        return cls(flow, begin, end, flow.step_plan(begin, seconds), seen[0] if steady else None)
+        plan = flow.step_plan(begin, seconds)
+        is_large = flow.holds_much(begin) and not isinstance(flow.field, Frozen)
+        kept = None if is_large else plan
+        return cls(flow, begin, end, len(plan.spans), seen[0] if steady else None, kept)
+
+    @property
+    def plan(self) -> Any:
+        """The plan of the whole step."""
+        return self.flow.step_plan(self.begin, self.end - self.begin) if self.kept is None else self.kept
 
     def moved(self, points: Floats) -> Floats:
         """Return points (N, 3) after the whole step."""
@@ -100,7 +110,7 @@ class TravelStep:
     @property
     def finest(self) -> float:
         """The length of a sub-step, in seconds."""
-        return abs(self.end - self.begin) / len(self.plan.spans)
+        return abs(self.end - self.begin) / self.count
 
     def moved_within(self, points: Floats, starts: Floats, stops: Floats, finest: float) -> Floats:
         """Return points (N, 3) that move in a part of the step alone, from `starts` (N,) to `stops` (N,).
@@ -125,7 +135,7 @@ class TravelStep:
         Between both ends of the step they are on the cubic curve that has their velocities there, which in
         steps of few sub-steps is within 2 · 10⁻⁴ of how far a point goes.
         """
-        if len(self.plan.spans) > _CUBIC:
+        if self.count > _CUBIC:
             whole, points = self._sub_steps(stops, np.floor), points.copy()
             for count in np.unique(whole[whole > 0]).tolist():
                 points[whole == count] = self._followed(points[whole == count], 0, count)
@@ -137,11 +147,11 @@ class TravelStep:
 
     def moved_since(self, points: Floats, starts: Floats) -> Floats:
         """Return points (N, 3) that begin at times (N,) within the step, at its end; as `moved_until`."""
-        if len(self.plan.spans) > _CUBIC:
+        if self.count > _CUBIC:
             whole = self._sub_steps(starts, np.ceil)
             points = self.moved_within(points, starts, self._boundaries(whole), self.finest)
-            for first in np.unique(whole[whole < len(self.plan.spans)]).tolist():
-                points[whole == first] = self._followed(points[whole == first], first, len(self.plan.spans))
+            for first in np.unique(whole[whole < self.count]).tolist():
+                points[whole == first] = self._followed(points[whole == first], first, self.count)
             return points
         seconds, (first, _, last) = self.end - self.begin, self._moments
         ahead = first.velocity(points, self.begin)
@@ -153,13 +163,12 @@ class TravelStep:
 
     def _sub_steps(self, times: Floats, rounded: np.ufunc) -> np.ndarray:
         """Return how many sub-steps (N,) lie before times (N,), rounded down or up."""
-        count = len(self.plan.spans)
         share = (times - self.begin) / (self.end - self.begin)
-        return np.clip(rounded(share * count), 0, count).astype(np.int64)
+        return np.clip(rounded(share * self.count), 0, self.count).astype(np.int64)
 
     def _boundaries(self, whole: np.ndarray) -> Floats:
         """Return the times (N,) at which so many sub-steps have passed."""
-        return np.asarray(self.begin + (self.end - self.begin) * whole / len(self.plan.spans))
+        return np.asarray(self.begin + (self.end - self.begin) * whole / self.count)
 
     def _followed(self, points: Floats, first: int, last: int) -> Floats:
         """Return points (N, 3) after the sub-steps from number `first` up to `last`, which is left out."""
@@ -181,10 +190,11 @@ class TravelStep:
         found = (field.velocity(points, field.moment) for field in self._moments)
         return np.asarray(sum(share * each for share, each in zip(shares, found, strict=True)))
 
-    @cached_property
+    @property
     def _moments(self) -> list[Frozen]:
         """The field at the begin, the middle and the end."""
-        return [Frozen(self.flow.field, float(time)) for time in np.linspace(self.begin, self.end, 3)]
+        made = [Frozen(self.flow.field, float(time)) for time in np.linspace(self.begin, self.end, 3)]
+        return made if self.kept is None else vars(self).setdefault("_kept_moments", made)
 
 
 @dataclass(eq=False)
@@ -213,10 +223,12 @@ class Travel:
     def advance(self, moving: Floats, until: float, leading: Floats, longest: float) -> None:
         """Add a step of points (N, 3) towards a time, in which others (M, 3) go about `longest` at most.
 
-        Raises FrameError where the field needs too many sub-steps.
+        It ends where velocities bend in time. Raises FrameError where the field needs too many sub-steps.
         """
         count = math.ceil(abs(until - self.now) * self._fastest(leading) / longest)
         end = until if count <= 1 else self.now + (until - self.now) / count
+        kinks = self.flow.field.kinks(self.now, end - self.now)
+        end = min(kinks, key=lambda kink: abs(kink - self.now), default=end)
         self.steps.append(TravelStep.of(self.flow, self.now, end, self._fastest(moving)))
 
     def _fastest(self, points: Floats) -> float:
@@ -282,7 +294,7 @@ class Travel:
     def _through(self, points: Floats, first: int, last: int) -> Floats:
         """Return points (N, 3) after the steps with numbers from `first` up to `last`, which is left out."""
         while first < last and len(points):
-            if first % _JOINED or first + _JOINED > last:
+            if first % _JOINED or first + _JOINED > last or self.steps[first].kept is None:
                 points, first = self.steps[first].moved(points), first + 1
                 continue
             moved = np.asarray(self._block(first).follow(points))

@@ -61,12 +61,12 @@ def velocity_at(
     samples: Any, lon: float, lat: float, index: int = 0, height: float | None = None
 ) -> np.ndarray:
     """Return the velocity at the node nearest to a place of a plane in degrees, m/s."""
-    header = samples.source.headers[0].coordinates
+    header = samples.headers[0].coordinates
     i = int(np.argmin(np.abs((header.east - lon + 180.0) % 360.0 - 180.0)))
     j = int(np.argmin(np.abs(header.north - lat)))
     k = 0 if height is None else int(np.argmin(np.abs(header.up - height)))
     velocity = samples.velocities(index)
-    return velocity[i, k, -1 - j] if samples.source.layout.is_upright else velocity[i, j, k]
+    return velocity[i, k, -1 - j] if samples.layout.is_upright else velocity[i, j, k]
 
 
 def read(data: Any, folder: Path, placing: Placing = Placing(), **selection: Any) -> Any:  # noqa: B008
@@ -417,7 +417,7 @@ def test_curvilinear_grids_are_read_on_even_ones(
 ) -> None:
     samples = read(bent(along, around), tmp_path)
     for lon, lat in ((179.0, 40.0), (-178.0, 38.0), (175.0, 41.0)):
-        here = samples.source.headers[0].coordinates
+        here = samples.headers[0].coordinates
         near = here.east[np.argmin(np.abs((here.east - lon + 180.0) % 360.0 - 180.0))]
         level = here.north[np.argmin(np.abs(here.north - lat))]
         wider = np.cos(np.radians(0.5 * (here.north[0] + here.north[-1]))) / np.cos(np.radians(level))
@@ -457,7 +457,7 @@ def test_resolution_and_along_are_for_curvilinear_grids(tmp_path: Path) -> None:
     ("date", "seconds"), [("2020-02-28", 0.0), ("2020-02-28T01:30", 5400.0), ("2020-02-28 02:00:00", 7200.0)]
 )
 def test_a_date_is_seconds_after_the_first_time(tmp_path: Path, date: str, seconds: float) -> None:
-    assert read(dataset(), tmp_path).source.seconds_of(date) == pytest.approx(seconds)
+    assert read(dataset(), tmp_path).seconds_of(date) == pytest.approx(seconds)
 
 
 @pytest.mark.parametrize(
@@ -470,7 +470,7 @@ def test_a_date_is_seconds_after_the_first_time(tmp_path: Path, date: str, secon
 )
 def test_dates_that_the_data_lack_are_refused(tmp_path: Path, hours: Any, date: str, fault: str) -> None:
     with pytest.raises(UsageError, match=fault):
-        read(dataset(hours=hours), tmp_path).source.seconds_of(date)
+        read(dataset(hours=hours), tmp_path).seconds_of(date)
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.errors import MissingInputError
 from flowsculpt.pipeline.flow import Streamlines
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep, checked_displacement
-from flowsculpt.pipeline.plugins.fields import windowed_samples
+from flowsculpt.pipeline.plugins.fields import scratch_arrays, windowed_samples
 from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_among
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
@@ -149,6 +149,34 @@ def test_a_step_across_many_times_holds_two_of_them(
     assert most[0] == 2
 
 
+@pytest.mark.parametrize(("kept_free", "reads"), [(0.0, windowed_samples.ONCE_EACH + 1), (1.0, 5)])
+def test_times_that_are_needed_again_and_again_are_kept_on_the_disk_if_it_has_room(
+    store: Path, monkeypatch: pytest.MonkeyPatch, kept_free: float, reads: int
+) -> None:
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    monkeypatch.setattr(scratch_arrays, "KEPT_FREE", kept_free)
+    samples, _ = cf_samples((store,), Selection(), Placing())
+    first = [samples.velocities(index).copy() for index in range(4)]
+    read = count_reads(monkeypatch)
+    for _ in range(4):
+        for index in range(4):
+            np.testing.assert_array_equal(samples.velocities(index), first[index])
+    assert [1 + read.count(index) for index in range(4)] == [reads] * 4
+
+
+def test_a_disk_that_fails_changes_nothing(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    monkeypatch.setattr(windowed_samples, "ONCE_EACH", 0)
+    monkeypatch.setattr(scratch_arrays.os, "pwrite", fail)
+    samples, _ = cf_samples((store,), Selection(), Placing())
+    first = [samples.velocities(index).copy() for index in range(3)]
+    for index in range(3):
+        np.testing.assert_array_equal(samples.velocities(index), first[index])
+
+
 def test_a_step_ends_at_the_times_of_samples_whose_velocities_then_bend(store: Path) -> None:
     flow, point = Streamlines(field_of(shot_of(store)), substeps=1), np.array([[0.5, 0.0, 0.3]])
     halves = flow.displace(flow.displace(point, 0.2, 0.05), 0.25, 0.05)  # there is a time at 0.25 s
@@ -195,6 +223,25 @@ def test_a_store_that_changes_after_planning_is_reported(store: Path) -> None:
         MissingInputError, match=r"2\.0\.0: it was changed since the work was planned; run again"
     ):
         samples.velocities(2)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(*[st.integers(2, 20)] * 3),
+    widths=st.tuples(*[st.booleans()] * 3),
+)
+def test_slopes_are_the_largest_rises_over_their_own_distances(
+    seed: int, shape: tuple[int, int, int], widths: tuple[bool, bool, bool]
+) -> None:
+    generator = np.random.default_rng(seed)
+    velocity = generator.normal(size=(*shape, 3)).astype(np.float32)
+    for k in range(3):
+        sizes = [length - (axis == k) for axis, length in enumerate(shape)]
+        distances = generator.uniform(
+            0.1, 2.0, [n if own else 1 for n, own in zip(sizes, widths, strict=True)]
+        )
+        rises = np.linalg.norm(np.diff(velocity, axis=k), axis=-1)
+        assert windowed_samples._largest_secant(velocity, distances, k) == (rises / distances).max()
 
 
 def test_samples_travel_to_other_processes_without_what_was_read(store: Path) -> None:
