@@ -103,6 +103,7 @@ class InContact(Sequence):
     """
 
     acts_around_earlier = True
+    name: ClassVar[str] = "contact"
 
     contact: Contact
     earlier: EarlierMotion = field(compare=False)
@@ -126,8 +127,8 @@ class InContact(Sequence):
                 known = [each for each in subjects if each != name]
                 remedy = f"Write {' or '.join(known)}" if known else "Put it beside this one, under subjects"
                 raise UsageError(f"contact: the shot has no other subject {other}. {remedy}.")
-            _require_no_circle(name, other, subjects)
-        obstacles = tuple(Obstacle(other, subjects, self.contact.side) for other in others)
+            _require_no_circle((name, other), subjects)
+        obstacles = tuple(Obstacle(other, self.earlier, subjects, self.contact.side) for other in others)
         return replace(self, obstacles=obstacles, meetings={})
 
     def meetings_at(self, time: float) -> tuple[Meeting, ...]:
@@ -145,22 +146,22 @@ class InContact(Sequence):
         if not softness > 0:
             raise FrameError(f"softness is {softness:g}; it must be above 0. Correct its keys.")
         points = self.earlier.points(time)
-        for obstacle in self.obstacles:
+        for number, obstacle in enumerate(self.obstacles):
             meeting = self._meet_other(obstacle, points, time, softness)
-            points = meeting.map.apply(points)
             yield meeting
+            if self.contact.has_floor or number + 1 < len(self.obstacles):
+                points = meeting.map.apply(points)
         if self.contact.has_floor:
             self._require_above()
-            floor, middle = self.floor(time), _middle(points)
-            lowest, spreads = float(points[:, 1].min()), self.contact.keep_volume
-            axis = float(middle[0]), float(middle[2])
+            floor, least, most = self.floor(time), points.min(axis=0), points.max(axis=0)
+            lowest, middle = float(least[1]), 0.5 * (least + most)
+            axis, spreads = (float(middle[0]), float(middle[2])), self.contact.keep_volume
             squash = Squash.of(floor, softness, self.earlier.margin, lowest, axis, spreads)
             yield Meeting("the floor", floor, lowest - floor, squash)
 
     def _meet_other(self, obstacle: Obstacle, points: Floats, time: float, softness: float) -> Meeting:
         """Return how the subject, with points (N, 3), meets another one. Raises FrameError as `_meet`."""
-        axes, margin = obstacle.axes(self.earlier.points(0.0)), self.earlier.margin
-        heights = obstacle.heights(time, axes, 1.0 / softness)
+        axes, heights = obstacle.axes, obstacle.heights(time, 1.0 / softness)
         seen = points @ axes.T
         above = seen[:, 1] - heights.at(seen)
         gap = float(above.min())
@@ -175,7 +176,7 @@ class InContact(Sequence):
         # near the deepest point, which then stays where it is seen from the side
         weights = np.maximum(0.0, gap + 0.5 * softness - above) ** 2
         a, b = (float(weights @ seen[:, k] / weights.sum()) for k in (0, 2))
-        squash = Squash.of(sunk, softness, margin, gap, (a, b), self.contact.keep_volume)
+        squash = Squash.of(sunk, softness, self.earlier.margin, gap, (a, b), self.contact.keep_volume)
         press = Press(axes, heights, squash, float(seen[:, 1].min()), softness)
         return Meeting(obstacle.name, sunk, gap - sunk, press)
 
@@ -245,28 +246,15 @@ class InContact(Sequence):
     def facts(self, time: float) -> Mapping[str, Any]:
         return {**super().facts(time), **({"floor": self.floor(time)} if self.contact.has_floor else {})}
 
-    @property
-    def name(self) -> str:
-        return "contact"
 
-
-def _middle(points: Floats) -> Floats:
-    """Return the middle (3,) of the box around points (N, 3)."""
-    middle: Floats = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    return middle
-
-
-def _require_no_circle(name: str, other: str, subjects: Mapping[str, Any]) -> None:
-    """Raise UsageError if another subject gives way to the one of that name, maybe by way of more."""
-    left, seen = [[other]], set()
-    while left:
-        way = left.pop()
-        if way[-1] == name:
-            circle = " to ".join([name, *way])
-            raise UsageError(f"contact: {circle}: they give way in a circle. Take one out of others.")
-        if way[-1] not in seen and (motion := subjects[way[-1]]) is not None:
-            seen.add(way[-1])
-            left += [[*way, further] for further in _others_of(motion.flow)]
+def _require_no_circle(way: tuple[str, ...], subjects: Mapping[str, Any]) -> None:
+    """Raise UsageError if the last subject of a way gives way to the first, maybe by way of more."""
+    name, *_, last = way
+    if last == name:
+        circle = " to ".join(way)
+        raise UsageError(f"contact: {circle}: they give way in a circle. Take one out of others.")
+    for further in () if subjects[last] is None else _others_of(subjects[last].flow):
+        _require_no_circle((*way, further), subjects)
 
 
 def _others_of(flow: Flow) -> Iterator[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from flowsculpt.api.flows import kernel
 from flowsculpt.api.meshes import Floats, Indices
 
-HIGHEST, FALL, COLUMNS, ROWS, FIRST, CELL, NODES = 0, 1, 2, 3, 4, 6, 7
+HIGHEST, FALL, COLUMNS, ROWS, FIRST, CELL, FLAT, NODES = 0, 1, 2, 3, 4, 6, 7, 11
 """Places in the numbers of heights.
 
 HIGHEST  no height is above it
@@ -18,16 +18,13 @@ FALL     how fast heights fall outside of the nodes, per square of the distance,
 COLUMNS, ROWS  numbers of nodes along a and b
 FIRST    a and b of the first node
 CELL     distance from one node to the next
+FLAT     least a and b, and largest a and b, of places that are all as high as the highest
 NODES    their values, row by row: weights of cubic B-splines
-Then follows for each node whether those of the cell that begins there are all as high: 1, else 0.
 """
 
 
 LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "forceinline": True}
 """Options for small kernels that allocate nothing: counting references would take longer than they do."""
-
-LEAN_CALLS: dict[str, Any] = {**LEAN, "forceinline": False}
-"""The same for larger ones."""
 
 
 @kernel("void(f8[:, ::1], i4[:, ::1], f8, f8, f8, f8[:, ::1])")
@@ -58,101 +55,121 @@ def raise_to_faces(
 
 @kernel("void(f8[:, ::1], f8)")
 def round_off(heights: Floats, fall: float) -> None:
-    """Raise heights to the parabolas by which those of other nodes fall: by fall · (distance in nodes)².
+    """Raise heights of each row to the parabolas by which those of other nodes fall: by fall · distance².
 
-    Rows first, then columns: parabolas of distances along both add up. Each line is the upper hull of its
-    parabolas, of which two meet in one place.
+    Each row is the upper hull of its parabolas, of which two meet in one place.
     """
-    rows, columns = heights.shape
-    longest = max(rows, columns)
-    line, tops, begins = np.empty(longest), np.empty(longest, np.int64), np.empty(longest + 1)
-    for turn in range(2):
-        for k in range(rows if turn == 0 else columns):
-            count = columns if turn == 0 else rows
-            last = -1
-            for i in range(count):
-                line[i] = heights[k, i] if turn == 0 else heights[i, k]
-                if line[i] == -math.inf:
-                    continue
-                begin = -math.inf
-                while last >= 0:
-                    j = tops[last]
-                    begin = 0.5 * (i + j) + (line[j] - line[i]) / (2.0 * fall * (i - j))
-                    if begin > begins[last]:
-                        break
-                    last -= 1
-                    begin = -math.inf
-                last += 1
-                tops[last], begins[last] = i, begin
-            if last < 0:
+    rows, count = heights.shape
+    line, tops, begins = np.empty(count), np.empty(count, np.int64), np.empty(count + 1)
+    for row in range(rows):
+        last = -1
+        for i in range(count):
+            line[i] = heights[row, i]
+            if line[i] == -math.inf:
                 continue
-            begins[last + 1] = math.inf
-            at = 0
-            for i in range(count):
-                while begins[at + 1] < i:
-                    at += 1
-                j = tops[at]
-                value = line[j] - fall * (i - j) * (i - j)
-                if turn == 0:
-                    heights[k, i] = value
-                else:
-                    heights[i, k] = value
-
-
-@kernel("void(f8[:, ::1], f8[:, ::1])")
-def flag_even(heights: Floats, even: Floats) -> None:
-    """Write 1 at nodes with which 4 × 4 of one height begin: there splines are constant."""
-    rows, columns = heights.shape
-    for row in range(rows - 3):
-        for column in range(columns - 3):
-            is_even = True
-            for k in range(16):
-                if heights[row + k // 4, column + k % 4] != heights[row, column]:
-                    is_even = False
+            begin = -math.inf
+            while last >= 0:
+                j = tops[last]
+                begin = 0.5 * (i + j) + (line[j] - line[i]) / (2.0 * fall * (i - j))
+                if begin > begins[last]:
                     break
-            even[row, column] = 1.0 if is_even else 0.0
+                last -= 1
+                begin = -math.inf
+            last += 1
+            tops[last], begins[last] = i, begin
+        if last < 0:
+            continue
+        begins[last + 1] = math.inf
+        at = 0
+        for i in range(count):
+            while begins[at + 1] < i:
+                at += 1
+            j = tops[at]
+            heights[row, i] = line[j] - fall * (i - j) * (i - j)
 
 
-@kernel("f8(f8[::1], i8, f8, f8)", **LEAN)
-def height_at(m: Floats, begin: int, a: float, b: float) -> float:
-    """Return the height at a place, of numbers from `begin` on; outside of the nodes a parabola goes on."""
-    columns = int(m[begin + COLUMNS])
-    x, y = (a - m[begin + FIRST]) / m[begin + CELL], (b - m[begin + FIRST + 1]) / m[begin + CELL]
-    inner_x, inner_y = min(max(x, 1.0), columns - 2.0), min(max(y, 1.0), m[begin + ROWS] - 2.0)
-    i, j = min(int(inner_x), columns - 3), min(int(inner_y), int(m[begin + ROWS]) - 3)
-    o = begin + NODES + (j - 1) * columns + i - 1
-    dx, dy = x - inner_x, y - inner_y
-    if m[o + columns * int(m[begin + ROWS])] > 0.0 and dx == 0.0 and dy == 0.0:
-        return m[o]
-    s, t = inner_x - i, inner_y - j
-    u, v = 1.0 - s, 1.0 - t
-    s0, s1, s2, s3 = u * u * u, 4.0 - 3.0 * s * s * (1.0 + u), 4.0 - 3.0 * u * u * (1.0 + s), s * s * s
-    t0, t1, t2, t3 = v * v * v, 4.0 - 3.0 * t * t * (1.0 + v), 4.0 - 3.0 * v * v * (1.0 + t), t * t * t
-    p, q, r = o + columns, o + 2 * columns, o + 3 * columns
-    # column by column: four sums side by side compile to vector instructions
-    c0 = t0 * m[o] + t1 * m[p] + t2 * m[q] + t3 * m[r]
-    c1 = t0 * m[o + 1] + t1 * m[p + 1] + t2 * m[q + 1] + t3 * m[r + 1]
-    c2 = t0 * m[o + 2] + t1 * m[p + 2] + t2 * m[q + 2] + t3 * m[r + 2]
-    c3 = t0 * m[o + 3] + t1 * m[p + 3] + t2 * m[q + 3] + t3 * m[r + 3]
-    height = (s0 * c0 + s1 * c1 + s2 * c2 + s3 * c3) / 36.0
+@kernel("void(f8[:, ::1], i4[::1])")
+def widen_flat(heights: Floats, flat: Indices) -> None:
+    """Move the sides of a rectangle of nodes outwards, in turn, as long as all in it are as high.
+
+    flat  least column and row, and largest column and row
+    """
+    height, side, tried = heights[flat[1], flat[0]], 0, 0
+    while tried < 4:
+        left, low, right, high = flat
+        line = flat[side] + (1 if side > 1 else -1)
+        is_even = 0 <= line < heights.shape[1 - side % 2]
+        if is_even:
+            nodes = heights[low : high + 1, line] if side % 2 == 0 else heights[line, left : right + 1]
+            is_even = (nodes == height).all()
+        flat[side] = line if is_even else flat[side]
+        tried = 0 if is_even else tried + 1
+        side = (side + 1) % 4
+
+
+@kernel("b1(f8[::1], f8, f8)", **LEAN)
+def is_flat(m: Floats, a: float, b: float) -> bool:
+    """Tell whether a place is among those that are as high as the highest."""
+    return (m[FLAT] <= a) & (a <= m[FLAT + 2]) & (m[FLAT + 1] <= b) & (b <= m[FLAT + 3])  # without branches
+
+
+@kernel("UniTuple(f8, 3)(f8, f8, f8, f8)", **LEAN)
+def node_before(a: float, first: float, cell: float, count: float) -> tuple[float, float, float]:
+    """Return the node before a place along one side, how far behind that it is, and how far outside."""
+    x = (a - first) * (1.0 / cell)
+    inner = min(max(1.0, x), count - 2.0)  # in this order NaN becomes 1
+    node = math.floor(min(inner, count - 3.0))
+    return node, inner - node, x - inner
+
+
+@kernel("UniTuple(f8, 4)(f8)", **LEAN)
+def weights_at(s: float) -> tuple[float, float, float, float]:
+    """Return the weights of four nodes, times six."""
+    u = 1.0 - s
+    return u * u * u, 4.0 - 3.0 * s * s * (1.0 + u), 4.0 - 3.0 * u * u * (1.0 + s), s * s * s
+
+
+@kernel("UniTuple(f8, 4)(f8)", **LEAN)
+def slopes_at(s: float) -> tuple[float, float, float, float]:
+    """Return the derivatives of those weights, times a third."""
+    u = 1.0 - s
+    return -u * u, s * (3.0 * s - 4.0), 1.0 + s * (2.0 - 3.0 * s), s * s
+
+
+@kernel("f8(f8[::1], f8, f8)", **LEAN)
+def rise_outside(m: Floats, a: float, b: float) -> float:
+    """Return how much higher a place is than the nearest one within the nodes: a parabola goes on there."""
+    column, s, dx = node_before(a, m[FIRST], m[CELL], m[COLUMNS])
+    row, t, dy = node_before(b, m[FIRST + 1], m[CELL], m[ROWS])
     if dx == 0.0 and dy == 0.0:
-        return height
-    height -= m[begin + FALL] * m[begin + CELL] * m[begin + CELL] * (dx * dx + dy * dy)
-    if dx != 0.0:  # slope along a
-        slope = -u * u * c0 + s * (3.0 * s - 4.0) * c1 + (1.0 + s * (2.0 - 3.0 * s)) * c2 + s * s * c3
-        height += dx * slope / 12.0
-    if dy != 0.0:
-        t0, t1, t2, t3 = -v * v, t * (3.0 * t - 4.0), 1.0 + t * (2.0 - 3.0 * t), t * t
-        row0 = s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3]
-        row1 = s0 * m[p] + s1 * m[p + 1] + s2 * m[p + 2] + s3 * m[p + 3]
-        row2 = s0 * m[q] + s1 * m[q + 1] + s2 * m[q + 2] + s3 * m[q + 3]
-        row3 = s0 * m[r] + s1 * m[r + 1] + s2 * m[r + 2] + s3 * m[r + 3]
-        height += dy * (t0 * row0 + t1 * row1 + t2 * row2 + t3 * row3) / 12.0
-    return height
+        return 0.0
+    columns, weights_a, weights_b = int(m[COLUMNS]), weights_at(s), weights_at(t)
+    slopes_a, slopes_b = slopes_at(s), slopes_at(t)
+    rise = -m[FALL] * m[CELL] * m[CELL] * (dx * dx + dy * dy)
+    for j in range(4):
+        for i in range(4):
+            height = m[NODES + (int(row) - 1 + j) * columns + int(column) - 1 + i]
+            rise += (dx * slopes_a[i] * weights_b[j] + dy * weights_a[i] * slopes_b[j]) * height / 12.0
+    return rise
 
 
-@kernel("void(f8[::1], f8[:, ::1], f8[::1])")
-def heights_at(m: Floats, points: Floats, heights: Floats) -> None:
-    """Write the heights (N,) under points (N, 3): a, up and b."""
-    for i in range(len(points)):
-        heights[i] = height_at(m, 0, points[i, 0], points[i, 2])
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])")
+def write_heights(m: Floats, a: Floats, b: Floats, room: Floats, heights: Floats) -> None:
+    """Write the heights at N places; `room` is for 7 N numbers. One loop for each step is twice as fast."""
+    n, columns, rows, first_a, first_b, cell = len(a), m[COLUMNS], m[ROWS], m[FIRST], m[FIRST + 1], m[CELL]
+    nodes, along, across = room[4 * n :], room[5 * n :], room[6 * n :]
+    for i in range(n):
+        column, along[i], _ = node_before(a[i], first_a, cell, columns)
+        row, across[i], _ = node_before(b[i], first_b, cell, rows)
+        nodes[i] = NODES + (row - 1.0) * columns + column - 1.0
+    for i in range(n):
+        o, (t0, t1, t2, t3) = int(nodes[i]), weights_at(across[i])
+        p, q, r = o + int(columns), o + 2 * int(columns), o + 3 * int(columns)
+        for k in range(4):
+            room[4 * i + k] = t0 * m[o + k] + t1 * m[p + k] + t2 * m[q + k] + t3 * m[r + k]
+    for i in range(n):
+        s0, s1, s2, s3 = weights_at(along[i])
+        summed = s0 * room[4 * i] + s1 * room[4 * i + 1] + s2 * room[4 * i + 2] + s3 * room[4 * i + 3]
+        heights[i] = summed * (1.0 / 36.0)
+    for i in range(n):
+        heights[i] = m[HIGHEST] if is_flat(m, a[i], b[i]) else heights[i] + rise_outside(m, a[i], b[i])

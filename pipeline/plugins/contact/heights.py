@@ -32,11 +32,7 @@ class Heights:
     @classmethod
     def of(cls, points: Floats, faces: Indices, fall: float) -> Heights:
         """Return the heights of faces (F, 3) of points (V, 3), a, up, b; `fall` is that of `round_off`."""
-        from flowsculpt.pipeline.plugins.contact.height_kernels import (
-            flag_even,
-            raise_to_faces,
-            round_off,
-        )
+        from flowsculpt.pipeline.plugins.contact.height_kernels import raise_to_faces, round_off, widen_flat
 
         seen = np.ascontiguousarray(points.T)  # so that numpy finds limits several times as fast
         low, high = seen.min(axis=1), seen.max(axis=1)
@@ -51,16 +47,26 @@ class Heights:
         )
         if not np.isfinite(nodes).any():  # too thin for the nodes
             nodes[rows // 2, columns // 2] = points[:, 1].max()
-        round_off(nodes, fall * cell * cell)
-        nodes, even = np.round(nodes / grain) * grain, np.zeros_like(nodes)
-        flag_even(nodes, even)
-        head = [float(nodes.max()), fall, columns, rows, first_a, first_b, cell]
-        return cls(np.concatenate([head, nodes.ravel(), even.ravel()]))
+        for _ in range(2):  # rows, then columns: parabolas of distances along both add up
+            round_off(nodes, fall * cell * cell)
+            nodes = np.ascontiguousarray(nodes.T)
+        nodes = np.round(nodes / grain) * grain
+        highest = float(nodes.max())
+        row, column = (int(np.mean(each)) for each in np.nonzero(nodes == highest))
+        flat = np.array([column, row, column, row], np.int32)
+        if nodes[row, column] == highest:
+            widen_flat(nodes, flat)
+        # between them, splines have four nodes of that height on each side
+        a, b, c, d = (float(n) for n in cell * (flat + np.array([1, 1, -1, -1])))
+        sides = [first_a + a, first_b + b, first_a + c, first_b + d]
+        head = [highest, fall, columns, rows, first_a, first_b, cell, *sides]
+        return cls(np.concatenate([head, nodes.ravel()]))
 
     def at(self, points: Floats) -> Floats:
         """Return the heights (N,) under points (N, 3), a, up and b."""
-        from flowsculpt.pipeline.plugins.contact.height_kernels import heights_at
+        from flowsculpt.pipeline.plugins.contact.height_kernels import write_heights
 
-        found = np.empty(len(points))
-        heights_at(self.numbers, np.ascontiguousarray(points), found)
-        return found
+        a, b = np.ascontiguousarray(points.T[::2])
+        heights = np.empty(len(points))
+        write_heights(self.numbers, a, b, np.empty(7 * len(points)), heights)
+        return heights

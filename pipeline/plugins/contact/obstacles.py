@@ -12,7 +12,7 @@ import numpy as np
 
 from flowsculpt import FrameError
 from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.plugins.contact.earlier_motion import STEP, MovedPoints
+from flowsculpt.pipeline.plugins.contact.earlier_motion import STEP, EarlierMotion, MovedPoints
 from flowsculpt.pipeline.plugins.contact.heights import Heights
 
 if TYPE_CHECKING:
@@ -32,16 +32,13 @@ class OtherSurface(MovedPoints):
         self.motion = motion
 
     @cached_property
-    def _mesh(self) -> Any:
+    def mesh(self) -> Any:
+        """The mesh at rest."""
         size = float(np.ptp(self.motion.subject.body.build().vertices, axis=0).max())
         return self.motion.mesh_at_rest(size / FINENESS)
 
-    @property
-    def faces(self) -> Any:
-        return self._mesh.faces
-
     def rest_points(self) -> Floats:
-        return np.ascontiguousarray(self._mesh.vertices)
+        return np.ascontiguousarray(self.mesh.vertices)
 
     def cache_data(self, time: float, dt: float) -> list[Any]:
         """Return what decides the surface at the end of a step, from its start on, JSON-able."""
@@ -57,12 +54,14 @@ class Obstacle:
     """Another subject of the shot, as a subject on one side of it meets it.
 
     name      in the shot file
+    earlier   the motion of the subject that meets it
     subjects  the motions of the shot's subjects, complete once the shot is read
     side      direction from it to the subject; None for that in which their boxes lie farthest apart at the
               start
     """
 
     name: str
+    earlier: EarlierMotion
     subjects: Mapping[str, Motion | None] = field(repr=False)
     side: tuple[float, float, float] | None = None
     known: dict[tuple[float, float], Heights] = field(default_factory=dict, repr=False)
@@ -83,10 +82,11 @@ class Obstacle:
             raise FrameError(f"contact cannot press against {self.name}: {reason}. Take it out of others.")
         return OtherSurface(motion)
 
-    def axes(self, rest: Floats) -> Floats:
-        """Return the rows a, up and b, orthonormal, for a subject with points (N, 3) at the start."""
+    @cached_property
+    def axes(self) -> Floats:
+        """The rows a, up and b, orthonormal."""
         if self.side is None:
-            other = self.surface.points(0.0)
+            rest, other = self.earlier.points(0.0), self.surface.points(0.0)
             apart = [(rest @ side).min() - (other @ side).max() for side in SIDES]
             x, y, z = (float(x) for x in SIDES[int(np.argmax(apart))])
             self.side = x, y, z
@@ -96,11 +96,11 @@ class Obstacle:
         a /= np.linalg.norm(a)
         return np.array([a, up, np.cross(a, up)])
 
-    def heights(self, time: float, axes: Floats, fall: float) -> Heights:
+    def heights(self, time: float, fall: float) -> Heights:
         """Return its heights at a time; of one that no flow moves, the same at all times."""
         at = time if self.surface.flow.members else 0.0
         key = (at, fall)
         if key not in self.known:
-            points = self.surface.points(at) @ axes.T
-            self.known[key] = Heights.of(points, self.surface.faces, fall)
+            points = self.surface.points(at) @ self.axes.T
+            self.known[key] = Heights.of(points, self.surface.mesh.faces, fall)
         return self.known[key]

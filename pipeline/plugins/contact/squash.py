@@ -67,14 +67,11 @@ class Squash(NamedTuple):
 
     def apply(self, points: Floats) -> Floats:
         """Return points (N, 3) after the map: a new array."""
-        return self._moved(points, undoes=False)
+        return _moved(points, *self.kernel_row(undoes=False))
 
     def undo(self, points: Floats) -> Floats:
         """Return the points (N, 3) that `apply` moves to `points`; NaN at or below the base."""
-        return self._moved(points, undoes=True)
-
-    def _moved(self, points: Floats, undoes: bool) -> Floats:
-        return _moved(points, *self.kernel_row(undoes))
+        return _moved(points, *self.kernel_row(undoes=True))
 
     def kernel_row(self, undoes: bool) -> Any:
         """Return the compiled function of the map or of its inverse, and its numbers."""
@@ -117,15 +114,14 @@ class Press:
         """Return the compiled function of the map or of its inverse, and its numbers."""
         from flowsculpt.pipeline.plugins.contact.squash_kernels import press
 
-        numbers = self._numbers
-        return press, (float(numbers.ctypes.data), float(len(numbers)), float(undoes))
+        addresses = (float(each.ctypes.data) for each in (self._numbers, self.heights.numbers))
+        return press, (*addresses, float(len(self.heights.numbers)), float(undoes))
 
     @cached_property
     def _numbers(self) -> Floats:
         """The numbers that the compiled function reads: see LEVEL in its module."""
         level = [self.lowest - self.softness, self.softness]
-        squash = self.squash.numbers(undoes=False)
-        return np.concatenate([squash, self.axes.ravel(), level, self.heights.numbers])
+        return np.concatenate([self.squash.numbers(undoes=False), self.axes.ravel(), level])
 
 
 def _moved(points: Floats, kernel: Any, numbers: tuple[float, ...]) -> Floats:

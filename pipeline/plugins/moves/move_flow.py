@@ -16,6 +16,7 @@ from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.moves import PLUGIN
 
 Vector = tuple[float, float, float]
+ORIGIN = (0.0, 0.0, 0.0)
 
 RATE = 480.0
 """Samples of a motion in a second, where parts are late; between them it is smooth."""
@@ -36,18 +37,10 @@ class Move(Flow):
     with `along`, by that in its direction alone, and not where it is behind.
     """
 
-    by: Annotated[VectorParameter, ParameterDoc("the way from the first frame on, keyed", "units")] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    by: Annotated[VectorParameter, ParameterDoc("the way from the first frame on, keyed", "units")] = ORIGIN
     turn: Annotated[Number, ParameterDoc("about the axis, which goes along, keyed", "degrees")] = 0.0
     axis: Annotated[Vector, "direction", ParameterDoc("of the turn")] = (0.0, 1.0, 0.0)
-    centre: Annotated[Vector, ParameterDoc("a point of the axis in the first frame", "units")] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    centre: Annotated[Vector, ParameterDoc("a point of the axis in the first frame", "units")] = ORIGIN
     lag: Annotated[float, ParameterDoc("by which the farthest parts are late", "s", bounds=(0.0, 5.0))] = 0.0
     leads: Vector | None = None
     reach: float | None = None
@@ -84,6 +77,7 @@ class Carried(Sequence):
     """
 
     acts_around_earlier = True
+    name: ClassVar[str] = "move"
 
     move: Move
     subject: Any = field(compare=False)
@@ -105,7 +99,7 @@ class Carried(Sequence):
     @property
     def along(self) -> Floats:
         """The unit vector (3,) along which parts are later; zeros where the distance from `leads` counts."""
-        along = np.array(self.move.along or (0.0, 0.0, 0.0))
+        along = np.array(self.move.along or ORIGIN)
         return along / (float(np.linalg.norm(along)) or 1.0)
 
     @property
@@ -164,10 +158,6 @@ class Carried(Sequence):
             head = [len(samples), first, 1.0 / RATE, *move.centre, *axis, *self.leads, slowness, round_off]
             self.motions[time] = np.concatenate([head, self.along, samples.ravel()])
         return self.motions[time]
-
-    @property
-    def name(self) -> str:
-        return "move"
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import carray, types
-from numba.extending import intrinsic
+from numba import carray
 
 from flowsculpt.api.flows import block_kernel, kernel
 from flowsculpt.api.meshes import Floats
@@ -27,17 +25,12 @@ ALONG     unit vector along which the distance counts, ahead alone; zeros for th
 SAMPLES   offset x, y, z and angle, radians, of each sample
 """
 
-_FLOATS = types.CPointer(types.float64)
 
-
-@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
-def floats_at(typingctx: Any, address: Any) -> Any:
-    """Return a pointer to the float64 numbers at an address."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(_FLOATS))
-
-    return _FLOATS(types.int64), generate
+@kernel("f8[::1](voidptr, i8)")
+def floats_at(address: int, count: int) -> Floats:
+    """Return the float64 numbers at an address."""
+    numbers: Floats = carray(address, (count,), np.float64)
+    return numbers
 
 
 MOST_TRIES = 80
@@ -124,7 +117,7 @@ def move(
     p: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
 ) -> None:
     """Numbers: address of those of the motion 0, how many they are 1, time 2, undoes 3."""
-    m = carray(floats_at(int(p[0])), (int(p[1]),))
+    m = floats_at(int(p[0]), int(p[1]))
     time, undoes, pose = p[2], p[3] > 0.0, np.empty(4)
     is_late = m[SLOWNESS] > 0.0
     motion_at(m, time, pose)

@@ -14,6 +14,7 @@ from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, torus
+from flowsculpt.pipeline.plugins.contact.height_kernels import FLAT, HIGHEST
 from flowsculpt.pipeline.plugins.contact.heights import Heights
 from flowsculpt.pipeline.plugins.contact.squash import Press, Squash
 from flowsculpt.pipeline.shot import Shot, read_shot
@@ -126,6 +127,40 @@ def test_the_heights_are_above_the_surface_and_meet_its_highest_place(shape):
     above = heights.at(mesh.vertices) - mesh.vertices[:, 1]
     assert above.min() > -0.001 * size
     assert abs(above[np.argmax(mesh.vertices[:, 1])]) < 0.001 * size
+
+
+@settings(max_examples=20, deadline=None)
+@given(presses, st.integers(0, 1000))
+def test_a_point_arrives_at_the_same_bits_whichever_points_go_with_it(press, seed):
+    """Flat and other places are computed in different ways, and many points at a time."""
+    points = points_above(press, seed)
+    together = press.apply(points)
+    assert np.array_equal(np.concatenate([press.apply(points[k : k + 1]) for k in range(40)]), together[:40])
+    assert np.array_equal(press.apply(points[::-1].copy())[::-1], together)
+
+
+def test_a_point_that_an_earlier_flow_lost_stays_lost_and_others_do_not_notice():
+    press = press_of("ball", (0.0, 1.0, 0.0), 0.7, 0.4, True)
+    points = points_above(press, 1)
+    broken = points.copy()
+    broken[::3, 0] = np.nan
+    pressed = press.apply(broken)
+    assert np.isnan(pressed[::3, 0]).all()
+    assert np.array_equal(pressed[1::3], press.apply(points)[1::3])
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0])
+def test_a_flat_top_is_flat_up_to_near_its_edges_and_as_high_as_it_is(turn):
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    turned = SHAPES["block"].vertices @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    heights = Heights.of(turned, SHAPES["block"].faces, 1.0)
+    left, low, right, high = heights.numbers[FLAT : FLAT + 4]
+    assert heights.numbers[HIGHEST] == pytest.approx(0.0, abs=1e-12)
+    assert min(right - left, high - low) > (1.5 if turn == 0.0 else 0.8)
+    corners = np.array([[x, 0.0, z] for x in (left, right) for z in (low, high)])
+    outside = corners * 1.0001
+    assert np.array_equal(heights.at(corners), np.full(4, heights.numbers[HIGHEST]))
+    assert np.abs(heights.at(outside)).max() < 1e-9
 
 
 def test_far_from_the_other_subject_nothing_moves():
