@@ -148,9 +148,14 @@ class MapSequence:
         else:
             places = np.maximum(times, 0.0) * RATE
             table, i = self.samples(float(times.max(initial=0.0))), places.astype(np.int64)
-            a, b, c, d = table[np.maximum(i - 1, 0)], table[i], table[i + 1], table[i + 2]
-            s = (places - i)[:, None]
-            bent = 2.0 * a - 5.0 * b + 4.0 * c - d + s * (3.0 * (b - c) + d - a)
-            numbers = b + 0.5 * s * (c - a + s * bent)
+            s = places - i
+            weights = (
+                s * (s * (2.0 - s) - 1.0),
+                2.0 + s * s * (3.0 * s - 5.0),
+                s * (1.0 + s * (4.0 - 3.0 * s)),
+            )
+            numbers = 0.5 * (s * s * (s - 1.0))[:, None] * table[i + 2]
+            for k, weight in enumerate(weights):
+                numbers += 0.5 * weight[:, None] * table[np.maximum(i + k - 1, 0)]
         ends = np.cumsum([len(each.at(0.0)) for each in self.maps])
         return np.split(numbers, ends[:-1], axis=1)
