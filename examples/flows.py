@@ -33,8 +33,8 @@ from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wi
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
-from flowsculpt.pipeline.plugins.moves.move_flow import Carried, Move
 from flowsculpt.pipeline.plugins.waves.wave_flows import Kneading, TaylorGreen
+from flowsculpt.pipeline.shot import read_shot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -147,12 +147,23 @@ def _draw_contact() -> None:
     _draw_map("contact", Squash.of(-0.45, 0.9, 0.001, -0.9).apply)
 
 
-def _draw_move() -> None:
-    """Draw the block before, and as it is thrown over with its top late."""
-    turn = keyed((0.0, 1.0), (0.0, -1.2), "linear")
-    move = Move(turn=turn, axis=(0.0, 0.0, 1.0), centre=(0.0, -0.9, 0.0), lag=0.45, reach=1.9)
-    carried = Carried((), move, None, (0.0, 0.0, 0.0))
-    _draw_map("move", lambda points: carried.displace(points, 0.0, 0.8))
+LATE = {
+    "move": [
+        "- move: {turn: {ease: linear, keys: {0s: 0, 1s: -69}}, axis: z, centre: [0, -0.9, 0], lag: 0.45}"
+    ],
+    "lag": [
+        "- bend: {centre: [0, -0.9, 0], length: 3.6, amount: {keys: {0s: 0, 0.4s: 28, 0.8s: -46}}}",
+        "- lag: {seconds: 0.4, leads: [0, -0.9, 0]}",
+    ],
+}
+"""Entries of flows whose far parts are late."""
+
+
+def _draw_late(name: str) -> None:
+    """Draw the block before, and as it is thrown over, or bends, with its top late."""
+    block = "frames: 1-25\nresample: off\nsubject: {solid: box, size: [0.8, 1.8, 0.8]}"
+    flow = read_shot("a.yaml", "\n".join([f"title: A\n{block}\nflows:", *LATE[name]])).motion.flow
+    _draw_map(name, lambda points: flow.displace(points, 0.0, 0.8))
 
 
 def _draw_map(name: str, moved: Callable[[Points], Points]) -> None:
@@ -202,7 +213,8 @@ def draw() -> None:
     for field in (*WRITTEN, _random_samples()):
         _draw(field)
     _draw_contact()
-    _draw_move()
+    for name in LATE:
+        _draw_late(name)
 
 
 def _panel() -> tuple[Axes, Figure]:

@@ -76,7 +76,7 @@ def require_class(part: Any, *contracts: type) -> None:
         _require_spelling(part, members)
     for name, (contract, ours) in members.items():
         if name in lacking:
-            raise ContractError(_lacks(name, ours, contract))
+            raise ContractError(f"it lacks {_call(name, ours)}; add it as {contract.__name__} describes it")
         theirs = inspect.getattr_static(part, name)
         if theirs is not ours:
             _require_arguments(name, theirs, ours)
@@ -147,10 +147,6 @@ def _arguments(method: Any) -> list[Parameter] | None:
 def _call(name: str, method: Any) -> str:
     arguments = _arguments(method)
     return name if arguments is None else f"{name}({', '.join(each.name for each in arguments)})"
-
-
-def _lacks(name: str, method: Any, contract: type) -> str:
-    return f"it lacks {_call(name, method)}; add it as {contract.__name__} describes it"
 
 
 API = 2

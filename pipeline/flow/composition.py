@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -45,7 +45,20 @@ MAX_ROUNDS = 1000  # rounds of a repeated flow within one step
 ROUND_TOLERANCE = 1e-9  # the share of a period by which a sum of steps may miss its end
 
 
-class _Ordered(Flow):
+@dataclass(frozen=True)
+class _Composed(Flow):
+    """A flow made of those in its fields."""
+
+    def with_max_step(self, max_step: float) -> Self:
+        def bounded(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(bounded, value))
+            return value.with_max_step(max_step) if isinstance(value, Flow) else value
+
+        return replace(self, **{part.name: bounded(getattr(self, part.name)) for part in fields(self)})
+
+
+class _Ordered(_Composed):
     """A flow that consists of the steps of other flows."""
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
@@ -74,9 +87,6 @@ class Sequence(_Ordered):
         for flow in self.flows if dt >= 0 else reversed(self.flows):
             yield from flow.steps(time, dt)
 
-    def with_max_step(self, max_step: float) -> Self:
-        return replace(self, flows=tuple(flow.with_max_step(max_step) for flow in self.flows))
-
     @property
     def name(self) -> str:
         return ", ".join(flow.name for flow in self.flows)
@@ -91,9 +101,6 @@ class Reversed(_Ordered):
 
     def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
         yield from self.flow.steps(self.duration - time, -dt)
-
-    def with_max_step(self, max_step: float) -> Reversed:
-        return replace(self, flow=self.flow.with_max_step(max_step))
 
     @property
     def name(self) -> str:
@@ -124,9 +131,6 @@ class Repeated(_Ordered):
             )
         for start, length in _rounds(time / self.period, dt / self.period):
             yield from self.flow.steps(start * self.period, length * self.period)
-
-    def with_max_step(self, max_step: float) -> Repeated:
-        return replace(self, flow=self.flow.with_max_step(max_step))
 
     @property
     def name(self) -> str:
@@ -382,7 +386,7 @@ def _composed(
     return other(flow)
 
 
-class _Weighted(Flow):
+class _Weighted(_Composed):
     """A map with a weighted displacement. Backwards it is inverted to the last digits."""
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
@@ -443,10 +447,6 @@ class Blend(_Weighted):
         second = self.second.cache_data(time, dt) if weight != 0 else None
         return {"blend": weight, "from": first, "to": second}
 
-    def with_max_step(self, max_step: float) -> Blend:
-        first, second = self.first.with_max_step(max_step), self.second.with_max_step(max_step)
-        return replace(self, first=first, second=second)
-
     @property
     def name(self) -> str:
         return f"blend of {self.first.name or 'nothing'} and {self.second.name or 'nothing'}"
@@ -468,9 +468,6 @@ class Within(_Weighted):
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {"within": self.region.cache_data(time + dt / 2), "flow": self.flow.cache_data(time, dt)}
-
-    def with_max_step(self, max_step: float) -> Within:
-        return replace(self, flow=self.flow.with_max_step(max_step))
 
     @property
     def name(self) -> str:

@@ -57,6 +57,7 @@ def needed(name: str, folder: Path) -> dict[str, Any]:
         "wind": {"through": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]},
         "sampled": {"file": "w.npz"},
         "become": {"solid": "icosphere"},
+        "lag": {"seconds": 0.2},
         "python": {"file": "mine.py", "function": "swirl"},
     }
     parameters = FLOW_DOCUMENTS[name].parameters

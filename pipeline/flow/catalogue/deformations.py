@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Any
+
+import numpy as np
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import FrameError
@@ -57,11 +59,22 @@ class Deformation(Flow):
 
     def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._amounts(time, dt)
-        return {self.name: [*self.centre, *unit(self.axis)], "before": before, "after": after}
+        own = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("axis", "centre", "amount")
+        }
+        return {self.name: [*self.centre, *unit(self.axis)], "before": before, "after": after, **own}
+
+    def between(self, points: Points, before: Any, after: Any) -> Points:
+        """Return points (N, 3) as D(after) D(before)⁻¹ moves them, by amounts (N,) or one for all."""
+        opcode, numbers = self._row(before, after)
+        columns = [np.broadcast_to(x, len(points)) for x in (*self.centre, *unit(self.axis), *numbers)]
+        moved = np.array(points, np.float64, order="C")
+        kernels.deform_each(opcode, np.stack(columns, axis=1), moved)
+        return moved
 
     @abstractmethod
-    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
-        """Return the opcode of D(after) D(before)⁻¹, and its numbers after those of the axis."""
+    def _row(self, before: Any, after: Any) -> tuple[int, tuple[Any, ...]]:
+        """Return the opcode of D(after) D(before)⁻¹, and its numbers after those of the axis, maybe (N,)."""
 
     def _amounts(self, time: float, dt: float) -> tuple[float, float]:
         return float(number_at(self.amount, time)), float(number_at(self.amount, time + dt))
@@ -73,7 +86,7 @@ class Twist(Deformation):
 
     amount: Annotated[Number, ParameterDoc("turning by height", "degrees/unit", required=True)] = 0.0
 
-    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+    def _row(self, before: Any, after: Any) -> tuple[int, tuple[Any, ...]]:
         return kernels.TWIST, (after - before,)
 
 
@@ -83,7 +96,7 @@ class Taper(Deformation):
 
     amount: Annotated[Number, ParameterDoc("negative narrows upwards", "1/unit", required=True)] = 0.0
 
-    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+    def _row(self, before: Any, after: Any) -> tuple[int, tuple[Any, ...]]:
         return kernels.TAPER, (after - before,)
 
 
@@ -94,18 +107,16 @@ class Stretch(Deformation):
     amount: Annotated[PositiveNumber, ParameterDoc("factor of length: 1 is unchanged", required=True)] = 1.0
     keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
 
-    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
-        if not (before > 0 and after > 0):
+    def _row(self, before: Any, after: Any) -> tuple[int, tuple[Any, ...]]:
+        least = np.minimum(before, after).min()
+        if not least > 0:
             raise FrameError(
-                f"stretch amount {min(before, after):g} is not above 0; it is a factor of length. "
+                f"stretch amount {least:g} is not above 0; it is a factor of length. "
                 "Write 1 for unchanged, 2 for twice as long."
             )
         lengthen = after / before
-        widen = 1 / math.sqrt(lengthen) if self.keep_volume else 1.0
+        widen = 1 / np.sqrt(lengthen) if self.keep_volume else 1.0
         return kernels.STRETCH, (lengthen, widen)
-
-    def cache_data(self, time: float, dt: float) -> Any:
-        return {**super().cache_data(time, dt), "keep_volume": self.keep_volume}
 
 
 class _Directed(Deformation):
@@ -127,7 +138,7 @@ class Shear(_Directed):
     amount: Annotated[Number, ParameterDoc("slide by height", required=True)] = 0.0
     direction: Annotated[Direction, ParameterDoc("of sliding; its part across the axis counts")] = X
 
-    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+    def _row(self, before: Any, after: Any) -> tuple[int, tuple[Any, ...]]:
         return kernels.SHEAR, (*self._across(), after - before)
 
 
@@ -147,17 +158,14 @@ class Bend(_Directed):
     ] = X
     length: Annotated[PositiveConstant, ParameterDoc("of the bent part, about the centre", "units")] = 2.0
 
-    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
-        most = max(abs(before), abs(after))
+    def _row(self, before: Any, after: Any) -> tuple[int, tuple[Any, ...]]:
+        most = np.maximum(abs(before), abs(after)).max()
         if most * self.length > 2 * math.pi * (1 + 1e-12):
             raise FrameError(
                 f"bend amount {math.degrees(most):g} degrees per unit turns a length of {self.length:g} by "
                 f"{math.degrees(most * self.length):g} degrees; 360 are the most. Lower amount or length."
             )
         return kernels.BEND, (*self._across(), 0.5 * self.length, before, after)
-
-    def cache_data(self, time: float, dt: float) -> Any:
-        return {**super().cache_data(time, dt), "length": self.length}
 
 
 FLOWS: tuple[type, ...] = (Twist, Taper, Stretch, Shear, Bend)

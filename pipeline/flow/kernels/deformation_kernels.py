@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 
-from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.flow.kernels.instructions import DEFORMATIONS, X, Y, Z
+import numpy as np
+
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, DEFORMATIONS, X, Y, Z, load, store
 from flowsculpt.pipeline.kernels import kernel
 
 TWIST = DEFORMATIONS  # radians per unit along the axis 6
 STRETCH = DEFORMATIONS + 1  # factor along the axis 6, and across it 7
 SHEAR = DEFORMATIONS + 2  # unit direction of sliding 6:9, slide by height 9
 TAPER = DEFORMATIONS + 3  # it widens by exp(6 × height)
-BEND = (
-    DEFORMATIONS + 4
-)  # unit direction of the bend 6:9, half the bent length 9, its curvature before 10, after 11
+BEND = DEFORMATIONS + 4  # unit direction 6:9, half the bent length 9, its curvature before 10 and after 11
 
 _MAP = "UniTuple(f8, 3)(f8[::1], f8, f8, f8)"
 
@@ -119,3 +119,13 @@ def deform(opcode: int, p: Floats, o: int, n: int, s: Floats, at: int) -> None:
         else:
             x, y, z = bend(row, x, y, z)
         runs[X + i], runs[Y + i], runs[Z + i] = x, y, z
+
+
+@kernel("void(i8, f8[:, ::1], f8[:, ::1])")
+def deform_each(opcode: int, rows: Floats, points: Points) -> None:
+    """Move points (N, 3), each by a row (N, K) of its own, in place."""
+    place = np.empty(3 * BLOCK)
+    for i in range(len(points)):
+        load(points, i, 1, place, 0)
+        deform(opcode, rows[i], 0, 1, place, 0)
+        store(place, 0, i, 1, points)

@@ -8,17 +8,15 @@ import numba
 import numpy as np
 
 from flowsculpt.pipeline.arrays import Faces, Floats, Indices, Points
-from flowsculpt.pipeline.kernels import kernel, only_read
-from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_INTS, CONST_MATRIX, INTS, LEAN, VECTOR
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_INTS, CONST_MATRIX, INTS, VECTOR
+from flowsculpt.pipeline.mesh.kernels.normal_kernels import CONST_FACES, unit_normal
 
-_CONST_FACES = only_read(numba.int32[:, ::1])
 _CERTAIN = 1e-6
 """Volume of a part, over the sum of those of its faces, from which on rounding does not decide its sign."""
 
-_NORMAL = numba.types.UniTuple(numba.float64, 3)
 
-
-@kernel(numba.types.UniTuple(numba.float64, 2)(CONST_MATRIX, _CONST_FACES))
+@kernel(numba.types.UniTuple(numba.float64, 2)(CONST_MATRIX, CONST_FACES))
 def lengths_and_areas(points: Points, faces: Faces) -> tuple[float, float]:
     """Return the sum of all edge lengths, each edge once for each of its faces, and the sum of all areas."""
     length, area = 0.0, 0.0
@@ -35,7 +33,7 @@ def lengths_and_areas(points: Points, faces: Faces) -> tuple[float, float]:
     return length, area
 
 
-@kernel(numba.boolean(CONST_MATRIX, _CONST_FACES, CONST_INTS))
+@kernel(numba.boolean(CONST_MATRIX, CONST_FACES, CONST_INTS))
 def may_face_inwards(points: Points, faces: Faces, twins: Indices) -> bool:
     """Return False where the volume of each closed part of a surface is surely above 0.
 
@@ -71,21 +69,7 @@ def may_face_inwards(points: Points, faces: Faces, twins: Indices) -> bool:
     return False
 
 
-@kernel(_NORMAL(CONST_MATRIX, _CONST_FACES, numba.int64), **LEAN)
-def _unit_normal(points: Points, faces: Faces, f: int) -> tuple[float, float, float]:
-    """Return the unit normal of a face, with the bits of `normals_of_faces`; zero without area."""
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    area = math.sqrt(x * x + y * y + z * z)
-    if 0.0 < area < math.inf and 1.0 / area < math.inf:
-        scale = 1.0 / area
-        return x * scale, y * scale, z * scale
-    return 0.0, 0.0, 0.0
-
-
-@kernel(numba.int64(_CONST_FACES, numba.int64, INTS))
+@kernel(numba.int64(CONST_FACES, numba.int64, INTS))
 def count_ascending(faces: Faces, first: int, begins: Indices) -> int:
     """Count the half-edges from each vertex to a higher one; fill `begins` with their running total.
 
@@ -106,7 +90,7 @@ def count_ascending(faces: Faces, first: int, begins: Indices) -> int:
     return int(begins[-1])
 
 
-@kernel(numba.int64(CONST_MATRIX, _CONST_FACES, numba.int64, INTS, INTS, numba.int64, VECTOR))
+@kernel(numba.int64(CONST_MATRIX, CONST_FACES, numba.int64, INTS, INTS, numba.int64, VECTOR))
 def cosines_at_edges(
     points: Points, faces: Faces, first: int, begins: Indices, ascending: Indices, count: int, cosines: Floats
 ) -> int:
@@ -134,8 +118,8 @@ def cosines_at_edges(
                 k = b - first
                 for place in range(begins[k - 1] if k else 0, begins[k]):  # each begins where the next did
                     if ascending[2 * place] == a:
-                        x, y, z = _unit_normal(points, faces, f)
-                        u, v, w = _unit_normal(points, faces, ascending[2 * place + 1])
+                        x, y, z = unit_normal(points, faces, f)
+                        u, v, w = unit_normal(points, faces, ascending[2 * place + 1])
                         cosines[count] = x * u + y * v + z * w
                         count += 1
                         break

@@ -28,30 +28,35 @@ from flowsculpt.pipeline.mesh.kernels.halfedge import (
 FACES = numba.int32[:, ::1]
 FLAGS = numba.uint8[::1]
 CONST_FACES = only_read(FACES)
-_ANGLES = numba.types.UniTuple(numba.float64, 3)
+_TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
 AGREEMENT = 0.7
 """Least cosine of the angle between a known normal and the triangles that it shades. At more than 45° the
 surface bends within a triangle, as at the rim of a thin sheet, and its normal would be smeared over it."""
 
 
+@kernel(_TRIPLE(CONST_MATRIX, CONST_FACES, numba.int64), **LEAN)
+def unit_normal(points: Points, faces: Faces, f: int) -> tuple[float, float, float]:
+    """Return the unit normal of a face; zero without area."""
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = math.sqrt(x * x + y * y + z * z)
+    if 0.0 < area < math.inf and 1.0 / area < math.inf:
+        scale = 1.0 / area
+        return x * scale, y * scale, z * scale
+    return 0.0, 0.0, 0.0
+
+
 @kernel((CONST_MATRIX, CONST_FACES, MATRIX), error_model="numpy")
 def normals_of_faces(points: Points, faces: Faces, normals: Vectors) -> None:
     """Compute the unit normal of every face; zero without area."""
     for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        area = math.sqrt(x * x + y * y + z * z)
-        if 0.0 < area < math.inf and 1.0 / area < math.inf:
-            scale = 1.0 / area
-            normals[f, 0], normals[f, 1], normals[f, 2] = x * scale, y * scale, z * scale
-        else:
-            normals[f, 0] = normals[f, 1] = normals[f, 2] = 0.0
+        normals[f, 0], normals[f, 1], normals[f, 2] = unit_normal(points, faces, f)
 
 
-@kernel(_ANGLES(CONST_MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
+@kernel(_TRIPLE(CONST_MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
 def _corner_angles(points: Points, a: int, b: int, c: int) -> tuple[float, float, float]:
     """Return the three angles of a triangle, radians."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]

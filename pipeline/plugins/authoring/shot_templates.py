@@ -102,6 +102,7 @@ class FlowPreset:
     set      the place
     finest   edge length where the surface bends sharply, or None for one length everywhere
     within   a region that limits a flow which would move everything alike
+    before   an entry of flows before it
     azimuth  of the camera, degrees, at the first and the last frame
     """
 
@@ -112,6 +113,7 @@ class FlowPreset:
     look: str = "clay"
     set: str = "window"
     within: str = ""
+    before: str = ""
     azimuth: tuple[float, float] = (-30.0, 0.0)
 
     @property
@@ -161,9 +163,9 @@ def _preset(row: dict[str, Any], subjects: Mapping[str, Any]) -> FlowPreset:
         values[name] = _pulse(value, [0] * len(value) if isinstance(value, list) else 0)
     values |= {name: _ramp(value, rest) for name, value in row.pop("ramp", {}).items()}
     subject = row.pop("subject", "ball")
-    within = _text(row.pop("within", ""))
+    within, before = (_text(row.pop(name, "")) for name in ("within", "before"))
     subject = subjects[subject] if isinstance(subject, str) else subject
-    return FlowPreset(_text(subject), values, within=within, **row)
+    return FlowPreset(_text(subject), values, within=within, before=before, **row)
 
 
 def preset_of(flow: str) -> FlowPreset:
@@ -387,7 +389,8 @@ def choice(registry: Iterable[str], chosen: str = "") -> str:
 def _entry(flow: str, preset: FlowPreset) -> list[str]:
     """Return the entry under `flows`, a line for each parameter."""
     fact = facts(flow)
-    lines = [f"  # {fact['description']}"]
+    lines = [f"  - {preset.before[1:-1]}"] if preset.before else []
+    lines.append(f"  # {fact['description']}")
     indent = "  "
     if preset.within:
         lines += ["  - within:", f"      region: {preset.within}", "      flows:"]

@@ -168,7 +168,8 @@ def leaves_of(flows: list[Any], entry: int | None = None) -> Iterator[Leaf]:
             yield from leaves_of(value if isinstance(value, list) else value["flows"], place)
         else:
             if not isinstance(value, dict):
-                value = {"velocity": value} if isinstance(value, list) else {}
+                parameter = {"formula": "velocity", "lag": "seconds"}.get(name)
+                value = {} if parameter is None or value is None else {parameter: value}
                 item[name] = value
             yield Leaf(flows, index, name, value, place)
 

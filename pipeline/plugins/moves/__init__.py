@@ -1,9 +1,13 @@
-"""The flow `move`: carries a subject along keys, its far parts later than the near ones."""
+"""The flow `move`, which carries a subject along keys, and `lag`, by which far parts follow flows later."""
 
 from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="moves",
-    version="2",
-    flows={"move": "flowsculpt.pipeline.plugins.moves.move_document:MoveDocument"},
+    version="3",
+    flows={
+        "move": "flowsculpt.pipeline.plugins.moves.late_documents:MoveDocument",
+        "lag": "flowsculpt.pipeline.plugins.moves.late_documents:LagDocument",
+    },
 )
+"""The entries `move` and `lag` of flows in a shot file."""
