@@ -22,7 +22,7 @@ from flowsculpt.pipeline.production.picture_sequences import white_level
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
-    "A010_cube": 36,
+    "A010_cube": 54,
     "A020_lorenz": 92,
     "A030_taffy": 96,
     "B010_honey": 121,

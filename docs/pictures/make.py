@@ -6,11 +6,11 @@ from pathlib import Path
 
 from PIL import Image
 
-from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.post.image import read_exr
 
 HERE = Path(__file__).parent
-SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy")
+SHOTS = ("A010_cube", "A030_taffy", "A020_lorenz")
 STEP = 3
 MILLISECONDS = 125
 QUALITY = 92
@@ -31,14 +31,11 @@ def main() -> None:
 
 
 def _moving(shot: str) -> list[Image.Image]:
-    """Every third frame of a shot, as a page shows it."""
+    """Every third of the frames of a shot that the film shows, with the exposure and the view of the shot."""
+    display = read_shot(Path("shots", f"{shot}.yaml")).picture.display
     frames = sorted(Path("renders", shot, "draft", "frames").glob("*.exr"))
-    return [_picture(path) for path in frames[::STEP]]
-
-
-def _picture(path: Path) -> Image.Image:
-    layers, _ = read_exr(path)
-    return Image.fromarray(quantise(to_display(layers["beauty"], display="srgb")))
+    pictures = (read_exr(path)[0]["beauty"] for path in frames[::STEP])
+    return [Image.fromarray(display.pixels(picture, "srgb", 8)) for picture in pictures]
 
 
 if __name__ == "__main__":

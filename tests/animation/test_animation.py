@@ -170,5 +170,5 @@ def test_the_films_shots_stay_framable(name: str) -> None:
     assert 10_000 <= max(len(frame.mesh.vertices) for frame in frames) <= 60_000
     assert (
         max(np.ptp(f.mesh.vertices, axis=0).max() for f in frames)
-        <= 3 * np.ptp(frames[0].mesh.vertices, axis=0).max()
+        <= 3.6 * np.ptp(frames[0].mesh.vertices, axis=0).max()  # a ring that falls flat and spreads
     )

@@ -38,6 +38,9 @@ FARTHEST = 1.5
 EASINGS = ("sine_in_out", "cubic_in_out", "quad_out", "cubic_out", "expo_out", "quad_in_out", "linear")
 """Easings that never overshoot: a radius may not pass zero."""
 
+CARRYING = ("move", "contact")
+"""Entries that act on a whole subject, after all others."""
+
 
 @dataclass
 class Draft:
@@ -254,10 +257,8 @@ def eased(draft: Draft) -> str:
     for each in group:
         for name, value in each.values.items():
             if isinstance(value, dict) and "keys" in value and value.get("ease", EASINGS[0]) != ease:
-                each.values[name], done = (
-                    {"ease": ease, **{k: v for k, v in value.items() if k != "ease"}},
-                    True,
-                )
+                each.values[name] = {"ease": ease, **{k: v for k, v in value.items() if k != "ease"}}
+                done = True
     return f"another easing of the {called(leaf, len(group))}" if done and leaf else ""
 
 
@@ -285,7 +286,8 @@ def added(draft: Draft) -> str:
         if sums:
             sums[0].append(entry)
             return f"{rows[name]['words']} added"
-    place = len(flows) if draft.chance.happens(0.7) else 0
+    last = next((index for index, item in enumerate(flows) if item.keys() & {*CARRYING}), len(flows))
+    place = last if draft.chance.happens(0.7) else 0
     flows.insert(place, entry)
     return f"{rows[name]['words']} added"
 
@@ -351,19 +353,15 @@ def mirrored(draft: Draft) -> str:
 def bounded(draft: Draft) -> str:
     """Let one entry act on one half of the subject only, with a soft border."""
     flows = draft.data.get("flows") or []
-    fitting = [index for index, item in enumerate(flows) if "within" not in item]
+    fitting = [index for index, item in enumerate(flows) if not item.keys() & {"within", "become", *CARRYING}]
     if not fitting:
         return ""
     index, chance = draft.chance.random.choice(fitting), draft.chance
     axis, sign = chance.random.choice([("y", 1), ("y", -1), ("x", 1), ("z", 1)])
-    normal = [-sign * value if value else 0 for value in AXES[axis]]
-    half = draft.parent.half
+    centre, normal = [rounded(v) for v in draft.parent.middle], [int(-sign * v) for v in AXES[axis]]
     region = {
-        "half_space": {
-            "centre": [rounded(v) for v in draft.parent.middle],
-            "normal": [int(v) for v in normal],
-        },
-        "falloff": rounded(half * chance.random.uniform(0.7, 1.4)),
+        "half_space": {"centre": centre, "normal": normal},
+        "falloff": rounded(draft.parent.half * chance.random.uniform(0.7, 1.4)),
     }
     names = [leaf.name for leaf in leaves_of([flows[index]]) if leaf.name != "translation"]
     flows[index] = {"within": {"region": region, "flows": [flows[index]]}}
