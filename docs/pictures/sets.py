@@ -1,6 +1,7 @@
-"""The sheets of rigs and stages in docs/rendering.md, of a frame that `make film` has made: `make pictures`.
+"""The sheets of rigs, stages and sets in the docs: `make pictures`, or this file with names of sheets.
 
-`--root` says where that is.
+`rigs` and `dark_sets`, in docs/rendering.md, show a frame that `make film` has made; `--root` says where that
+is. `sets`, in docs/shot-files.md, is a wedge of the same frame over all sets.
 """
 
 from __future__ import annotations
@@ -8,10 +9,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import subprocess
+import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import yaml
 from PIL import Image
 
 from flowsculpt.pipeline.production.request.framing import Framing
@@ -25,6 +30,7 @@ from flowsculpt.render.scene.materials import LOOKS, Material
 from flowsculpt.render.scene.render_quality import QUALITIES
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.render.scene.scene_sets import SETS
 from flowsculpt.render.scene.scene_stage import STAGES, Stage
 from flowsculpt.render.scene.sky import Daylight
 from flowsculpt.render.scene.surface import Surface
@@ -35,7 +41,7 @@ COLUMNS = 2
 _EVENING = LightRig(daylight=Daylight(math.radians(14.0), math.radians(-95.0)))
 _MIRRORING = replace(STAGES["cyclorama"], roughness=0.12, colour=(0.06, 0.06, 0.065))
 
-SETS: tuple[tuple[LightRig, Stage, Material], ...] = (
+RIGS: tuple[tuple[LightRig, Stage, Material], ...] = (
     (LIGHTS["studio"], STAGES["cyclorama"], LOOKS["clay"]),
     (LIGHTS["three_point"], STAGES["cyclorama"], LOOKS["clay"]),
     (LIGHTS["softbox"], STAGES["cyclorama"], LOOKS["clay"]),
@@ -43,11 +49,7 @@ SETS: tuple[tuple[LightRig, Stage, Material], ...] = (
     (LIGHTS["three_point"], STAGES["plinth"], LOOKS["glaze"]),
     (LIGHTS["studio"], STAGES["turntable"], LOOKS["clay"]),
     (_EVENING, STAGES["ground"], LOOKS["taffy"]),
-    (
-        LIGHTS["gallery"],
-        replace(STAGES["cyclorama"], roughness=0.12, colour=(0.06, 0.06, 0.065)),
-        LOOKS["chrome"],
-    ),
+    (LIGHTS["gallery"], _MIRRORING, LOOKS["chrome"]),
 )
 
 _LACQUER = LOOKS["ceramic"].with_values(colour=(0.006, 0.006, 0.008), roughness=0.06)
@@ -64,20 +66,49 @@ DARK_SETS: tuple[tuple[LightRig, Stage, Material], ...] = (
 """The rigs with few and strong lights, each with a set and a look that suit it."""
 
 
+SHEETS = {"rigs": RIGS, "dark_sets": DARK_SETS}
+PLACE = ("look", "camera", "lights", "stage")
+"""What the frame's shot says itself, and its copy in a set does not."""
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sheets", nargs="*", metavar="SHEET", default=[*SHEETS, "sets"])
     parser.add_argument("--root", type=Path, default=Path())
-    folder = parser.parse_args().root / "renders" / SHOT
+    asked = parser.parse_args()
+    if unknown := sorted({*asked.sheets} - {*SHEETS, "sets"}):
+        sys.exit(f"{', '.join(unknown)}: no such sheet; there are {', '.join(SHEETS)}, sets")
+    for name in asked.sheets:
+        sheet = _all_sets() if name == "sets" else _sheet(asked.root / "renders" / SHOT, SHEETS[name])
+        sheet.save(OUT / f"{name}.webp", quality=86, method=6)
+
+
+def _all_sets() -> Image.Image:
+    """Return the contact sheet of a wedge: the frame's shot in clay, in each set."""
+    shot = yaml.safe_load(Path("shots", f"{SHOT}.yaml").read_text(encoding="utf-8"))
+    plain = {name: value for name, value in shot.items() if name not in PLACE}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "S010_place.yaml")
+        path.write_text(yaml.safe_dump({**plain, "title": "Sets"}, sort_keys=False), encoding="utf-8")
+        words = ["--no-progress", "--json", "--root", folder, "wedge", str(path)]
+        words += ["--vary", f"set={','.join(SETS)}", "--at", str(FRAME), "--columns", "5"]
+        command = [sys.executable, "-m", "flowsculpt", *words]
+        answer = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+        with Image.open(Path(folder, json.loads(answer)["sheets"][0])) as sheet:
+            return sheet.convert("RGB")
+
+
+def _sheet(folder: Path, shown: tuple[tuple[LightRig, Stage, Material], ...]) -> Image.Image:
+    """Return the frame in one light, stage and look after another."""
     arrays = np.load(folder / "normals" / f"{SHOT}.{FRAME:04d}.npz")
     surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
     framing = from_plain(Framing, json.loads((folder / f"{SHOT}.cameras.json").read_text())[str(FRAME)])
-    for name, sets in (("sets", SETS), ("dark_sets", DARK_SETS)):
-        pictures = [_picture(surface, framing, *each) for each in sets]
-        width, height = pictures[0].size
-        sheet = Image.new("RGB", (COLUMNS * width, -(-len(pictures) // COLUMNS) * height))
-        for i, picture in enumerate(pictures):
-            sheet.paste(picture, (i % COLUMNS * width, i // COLUMNS * height))
-        sheet.save(OUT / f"{name}.webp", quality=86, method=6)
+    pictures = [_picture(surface, framing, *each) for each in shown]
+    width, height = pictures[0].size
+    sheet = Image.new("RGB", (COLUMNS * width, -(-len(pictures) // COLUMNS) * height))
+    for i, picture in enumerate(pictures):
+        sheet.paste(picture, (i % COLUMNS * width, i // COLUMNS * height))
+    return sheet
 
 
 def _picture(

@@ -19,7 +19,7 @@ from flowsculpt.render.post.image import read_exr
 from tests.chromium import fetch, running, wait_for
 
 PICTURE = Path(__file__).with_suffix(".webp")
-SHOT, FRAMES = "A010_cube", (6, 24, 44)
+SHOT, FRAMES = "A010_cube", (6, 28, 44)
 SIZE = (480, 270)
 
 
