@@ -205,9 +205,10 @@ class ResamplePass:
                 self.untangle,
                 self.relax_vertices,
                 self.make_room,
-                self.unfold,
             ):
                 self._call(step)
+            if self.limits.normal_column >= 0:  # steps since then may have made faces that oppose them
+                self._call(self.untangle)
         except FlowsculptError:
             self._close_gaps()
             raise
@@ -321,11 +322,6 @@ class ResamplePass:
         self._collapse_and_flip()
         self.relax_vertices()
 
-    def unfold(self) -> None:
-        """Untangle again where no face may oppose its normals: steps since then may have made some."""
-        if self.limits.normal_column >= 0:
-            self.untangle()
-
     def compact(self) -> None:
         """Measure the edges and close the gaps that removed faces and vertices left in the arrays."""
         low, high = length_range(self.mesh.arrays, self.faces, self.changes, self.block_ranges)
@@ -420,7 +416,6 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
         column = mesh.set_fields(fields)
     else:
         max_edge_length, min_edge_length, hard_angle = thresholds.numbers
-    rest_column, rest_normal_column, normal_column = placement.columns(mesh)
     return Limits(
         max_edge_length,
         min_edge_length,
@@ -428,8 +423,7 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
         placement.merges_at_midpoint,
         column,
         shape.longest_share,
-        rest_column=rest_column,
-        rest_normal_column=rest_normal_column,
-        hard_by_angle=placement.hard_by_angle,
-        normal_column=normal_column,
+        *placement.columns(mesh),
+        placement.hard_by_angle,
+        thresholds.bends is not None,
     )

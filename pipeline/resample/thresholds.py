@@ -215,7 +215,7 @@ class Thresholds:
                       a share of its length
     bends             a function that returns unit normals (V, 3) over eight times the height that the middle
                       of an edge may have over the surface, scene units; both limits of an edge that bends
-                      more are lower, to a sixteenth at least, so that edges are short only along the
+                      more are lower, to a 64th at least, so that edges are short only along the
                       direction in which the surface is curved; None where they may bend
 
     The first three are numbers, or callables `mesh -> (V,)` in the same units, such as those of

@@ -175,6 +175,20 @@ def test_flips_leave_creases_and_good_edges_alone() -> None:
     assert not should_flip(flat.arrays, 0, Limits(math.sqrt(0.2), 0.0, 0.7)), "the new edge would be too long"
 
 
+@pytest.mark.parametrize("height", [0.002, 0.2])
+def test_where_edges_may_not_bend_the_diagonal_that_bends_less_wins(height: float) -> None:
+    """A square on a cylinder: angles leave its diagonal across the bend, its height over the cylinder not."""
+    corners = [(-0.2, -0.02, 0), (0.2, -0.02, 0), (0, 0, -0.2), (0, 0, 0.2)]
+    normals = np.array([(-0.2, 1, 0), (0.2, 1, 0), (0, 1, 0), (0, 1, 0)]) / (8 * height)
+    for faces, bends_most in (([(0, 1, 2), (1, 0, 3)], True), ([(2, 3, 0), (3, 2, 1)], False)):
+        live = HalfedgeMesh(TriangleMesh(corners, faces))
+        column = live.set_fields(np.column_stack([np.tile([1.0, 0.0, -2.0], (4, 1)), normals]))
+        limits = Limits(1.0, 0.0, 0.7, field_column=column)
+        assert not should_flip(live.arrays, 0, limits)
+        bends_much = bends_most and height < 0.01
+        assert should_flip(live.arrays, 0, limits._replace(bends=True)) == bends_much
+
+
 def test_an_end_with_too_many_neighbours_is_left_alone() -> None:
     turn = 2 * math.pi * np.arange(MAX_SPOKES + 1) / (MAX_SPOKES + 1)
     rim = np.column_stack([np.cos(turn), 0 * turn, -np.sin(turn)])

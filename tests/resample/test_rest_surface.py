@@ -41,7 +41,7 @@ def at_rest(mesh: TriangleMesh, rest: Points) -> tuple[HalfedgeMesh, Limits]:
     """A mesh with those places at rest, its normals as they are, and limits that let everything be."""
     live = HalfedgeMesh(mesh.with_attributes(rest=rest, rest_normal=vertex_normals(mesh)))
     columns = live.column("rest"), live.column("rest_normal")
-    return live, Limits(math.inf, 0.0, -2.0, True, -1, 1.0, 1.0, *columns)
+    return live, Limits(math.inf, 0.0, -2.0, True, -1, 1.0, *columns)
 
 
 def slow_upright(rest: Points, normals: Points, face: Indices) -> float:

@@ -32,7 +32,7 @@ MATERIAL = "material"
 
 _FIRST = 0.7  # edges of the first row, over the longest that may be
 HEIGHT = 0.00125
-"""How far the middle of an edge may be from the surface, over the longest edge: else it is split."""
+"""How far the middle of an edge may be from the surface by default, over the longest edge."""
 
 NORMAL = "normal"
 """Vertex attribute: unit normals (V, 3), 0 where there is none. They face the same side of the surface."""
@@ -123,6 +123,7 @@ class ReleasedSurface(ABC):
     thresholds  of its edges; the lengths are numbers
     tear        how far the curve may be stretched; faces that stretch it farther are left out
     length      seconds that points travel
+    tolerance   how far the middle of an edge may be from the surface, units; by default HEIGHT
     """
 
     def __init__(
@@ -133,13 +134,16 @@ class ReleasedSurface(ABC):
         thresholds: Thresholds,
         tear: float = math.inf,
         length: float = math.inf,
+        tolerance: float | None = None,
     ) -> None:
         self.travel, self._back = Travel(flow, begin), Travel(flow, begin)
         longest, _, _ = thresholds.numbers
         self.thresholds, self.tear, self.length = replace(thresholds, bends=self._bends), tear, length
         count = max(3, math.ceil(seeds.length / (_FIRST * longest)) + 1)
         self._along = np.linspace(0.0, seeds.length, count)[: -1 if seeds.is_closed else None]
-        self._first, self._longest, self._is_closed = seeds.points(self._along), longest, seeds.is_closed
+        self._first, self._is_closed = seeds.points(self._along), seeds.is_closed
+        self._tolerance = tolerance or HEIGHT * longest
+        self._step = min(longest, math.sqrt(longest * self._tolerance / HEIGHT))
         speed = np.linalg.norm(flow.field.velocity(self._first, begin), axis=1).mean()
         self.coordinates = SeedCoordinates(seeds, float(speed) or 1.0)
         self._grown: Resampler | None = None
@@ -149,8 +153,7 @@ class ReleasedSurface(ABC):
     def mesh(self) -> TriangleMesh:
         """The surface, with its coordinates in the attribute `material`."""
         mesh = self._resampler.mesh
-        coordinates = mesh.attributes[REST]
-        return TriangleMesh(mesh.vertices, mesh.faces, {MATERIAL: coordinates})
+        return TriangleMesh(mesh.vertices, mesh.faces, {MATERIAL: mesh.attributes[REST]})
 
     def parcels(self) -> Parcels:
         """Return the vertices of `mesh`."""
@@ -174,7 +177,7 @@ class ReleasedSurface(ABC):
         return self._grown
 
     def grow(self, until: float) -> None:
-        """Move points until a time, in steps in which none goes much farther than an edge may be long.
+        """Move points until a time, in steps in which none goes much farther than an edge that bends may be.
 
         Raises FrameError where the flow fails or the surface needs more vertices than it may have.
         """
@@ -187,7 +190,7 @@ class ReleasedSurface(ABC):
     def _grow(self, travel: Travel, until: float) -> None:
         while travel.now != until:
             moving = self._first if self._grown is None else self._moving(travel)
-            travel.advance(moving, until, self._leading(travel), self._longest)
+            travel.advance(moving, until, self._leading(travel), self._step)
             self._row_time = self._time_of_row(travel, travel.now)
             if self._grown is None:
                 self._grown = Resampler(self._strip(travel), self.thresholds, self._placement)
@@ -207,7 +210,7 @@ class ReleasedSurface(ABC):
             self._resampler.vertices[is_exact] = self.carry(mesh.attributes[REST][is_exact])
 
     def _bends(self, mesh: TriangleMesh) -> Floats:
-        return self._normals(mesh) / (8.0 * HEIGHT * self._longest)
+        return self._normals(mesh) / (8.0 * self._tolerance)
 
     @property
     def _placement(self) -> SeedPlacement:
@@ -219,9 +222,8 @@ class ReleasedSurface(ABC):
         rows = [self.coordinates.of(self._along, np.full(count, time)) for time in self._first_times(travel)]
         a = np.arange(count if self._is_closed else count - 1)
         b = (a + 1) % count
-        faces = np.concatenate(
-            [np.column_stack([a, b, b + count]), np.column_stack([a, b + count, a + count])]
-        )
+        corners = [a, b, b + count], [a, b + count, a + count]
+        faces = np.concatenate([np.column_stack(triangles) for triangles in corners])
         coordinates = np.concatenate(rows)
         return TriangleMesh(self.carry(coordinates), faces, {REST: coordinates})
 

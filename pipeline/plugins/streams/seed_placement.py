@@ -28,9 +28,7 @@ _HALVINGS = 50  # of an edge of the rim: about the precision of coordinates
 _MOST_STEPS = 20  # towards the middle of an edge, from each start
 _SHORTEST = 0.005  # share of a step to which it is shortened before a search ends
 _ASIDE = 1e-4  # for derivatives, over the difference of the ends' coordinates
-_INSIDE = (
-    0.05  # of the difference of times along an edge, that a new vertex keeps from the first and last row
-)
+_INSIDE = 0.05  # of the difference of times along an edge: what new vertices keep from the first and last row
 _LEAST = 0.1  # of an edge: the difference of times that a search takes an edge within one row to have
 _HALFEDGE = 2  # column of births after both parents: the half-edge from the new vertex to the second parent
 
@@ -163,9 +161,8 @@ class _Edges:
         """Set new vertices of some edges to their shares in coordinates."""
         found[rows] = placement.strip.nearest(self._between(self.shares[rows], rows))
         inner = rows[~self.on_rim[rows]]
-        found[inner] = placement.strip.within(
-            found[inner], *placement.times(), _INSIDE * self.scale[inner, 1]
-        )
+        inside = _INSIDE * self.scale[inner, 1]
+        found[inner] = placement.strip.within(found[inner], *placement.times(), inside)
         places[rows] = placement.carried(found[rows])
 
     def _search(
@@ -206,10 +203,7 @@ class _Edges:
             if not uneven.any():
                 return
             rows, is_far = rows[uneven], (before > after)[uneven]
-            high[rows], low[rows] = (
-                np.where(is_far, at[rows], high[rows]),
-                np.where(is_far, low[rows], at[rows]),
-            )
+            high[rows[is_far]], low[rows[~is_far]] = at[rows[is_far]], at[rows[~is_far]]
             at[rows] = 0.5 * (low[rows] + high[rows])
             found[rows] = placement.strip.nearest(self._between(at[rows], rows))
             places[rows] = placement.carried(found[rows])

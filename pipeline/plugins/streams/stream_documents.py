@@ -258,6 +258,9 @@ class _Surface(_FromSeeds):
     kind: ClassVar[type[ReleasedSurface]] = PathSurface
 
     length: Lifetime = None
+    tolerance: Positive | None = Field(
+        None, description="how far edges may be off the surface; by default max_edge_length / 800 (units)"
+    )
     tear: Annotated[float, Field(gt=1, le=1e6)] | None = Field(
         None, description="leaves out what stretches the seeds to more than so many times their length"
     )
@@ -272,6 +275,7 @@ class _Surface(_FromSeeds):
             thresholds=Thresholds(self.longest(seeds)),
             tear=math.inf if self.tear is None else float(self.tear),
             length=math.inf if self.length is None else float(self.length),
+            tolerance=None if self.tolerance is None else float(self.tolerance),
         )
 
 

@@ -181,16 +181,6 @@ def list_long_edges(mesh: MeshArrays, limits: Limits, changes: Changes, long_edg
                 push(long_edges, h)
 
 
-@kernel(_PAIR(MESH_ARRAYS, INTS, numba.int64, numba.int64), **LEAN)
-def _listed_range(mesh: MeshArrays, listed: Indices, first: int, last: int) -> tuple[float, float]:
-    """Return the smallest and largest squared length over the faces listed from `first` to before `last`."""
-    low, high = np.inf, 0.0
-    for i in range(first, last):
-        if mesh.vert[3 * listed[i]] >= 0:
-            low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, listed[i])))
-    return low, high
-
-
 @kernel(_PAIR(MESH_ARRAYS, numba.int64, CHANGES, MATRIX))
 def length_range(mesh: MeshArrays, faces: int, changes: Changes, block_ranges: Points) -> tuple[float, float]:
     """Return the smallest and largest squared length now, before the arrays are compacted.
@@ -198,7 +188,10 @@ def length_range(mesh: MeshArrays, faces: int, changes: Changes, block_ranges: P
     Measures the changed faces and those of `short_edges`, which `flag_faces` left out of its ranges, and of
     the other faces only blocks that reach beyond the range so far. `faces` is their number before the pass.
     """
-    low, high = _listed_range(mesh, changes.changed, 1, changes.changed[0] + 1)
+    low, high = np.inf, 0.0
+    for i in range(1, changes.changed[0] + 1):
+        if mesh.vert[3 * changes.changed[i]] >= 0:
+            low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, changes.changed[i])))
     for i in range(1, changes.short_edges[0] + 1):
         h = changes.short_edges[i]
         low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, h // 3)))
@@ -212,13 +205,6 @@ def length_range(mesh: MeshArrays, faces: int, changes: Changes, block_ranges: P
             if changes.face_states[f] == UNCHANGED:
                 low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, f)))
     return low, high
-
-
-@kernel(numba.float64(MATRIX, numba.int64, numba.int64))
-def _distance(rows: Points, a: int, b: int) -> float:
-    """Return the distance between rows a and b."""
-    x, y, z = rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1], rows[b, 2] - rows[a, 2]
-    return math.sqrt(x * x + y * y + z * z)
 
 
 @kernel((MATRIX, FACES, MATRIX, numba.float64, VECTOR))
@@ -235,7 +221,8 @@ def edge_curvature(
     for f in range(len(faces)):
         for i in range(3):
             a, b = faces[f, i], faces[f, (i + 1) % 3]
-            bent = _distance(normals, a, b) / max(_distance(points, a, b), shortest)
+            length = max(math.sqrt(squared_length(points, a, b)), shortest)
+            bent = math.sqrt(squared_length(normals, a, b)) / length
             curvature[a] = max(curvature[a], bent)
             curvature[b] = max(curvature[b], bent)
 
@@ -264,7 +251,7 @@ def limit_gradation(points: Points, faces: Faces, slope: float, lengths: Floats)
     rises = np.empty((len(faces), 3))
     for f in range(len(faces)):
         for i in range(3):
-            rises[f, i] = slope * _distance(points, faces[f, i], faces[f, (i + 1) % 3])
+            rises[f, i] = slope * math.sqrt(squared_length(points, faces[f, i], faces[f, (i + 1) % 3]))
     sweeps, changed = 0, True
     while changed:
         changed = False

@@ -32,6 +32,7 @@ from flowsculpt.pipeline.resample.kernels.pass_state import (
     Changes,
     Limits,
     area_vector,
+    edge_height,
     enqueue,
     hard_cosine,
     is_inverted,
@@ -43,8 +44,12 @@ from flowsculpt.pipeline.resample.kernels.pass_state import (
     touch,
 )
 
+_PAIR = numba.types.UniTuple(numba.int64, 2)
 _GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
 MAX_STACK = 128  # edges to test around one flip and those that follow from it; each flip adds four
+_HIGH = 0.3  # over the height that an edge may have: from here on heights decide, where edges may not bend
+_WIDE = 1.7  # minus the cotangent of 150 degrees: heights make no corner wider
+_LOWER = 0.8  # by at least this factor the other diagonal must then be lower
 _FLAT = 0.94  # cosine of 20 degrees: the largest angle between the two faces before and after
 
 
@@ -56,6 +61,13 @@ def _corner_dot(points: Points, apex: int, a: int, b: int) -> float:
     y = (points[j, 1] - points[i, 1]) * (points[k, 1] - points[i, 1])
     z = (points[j, 2] - points[i, 2]) * (points[k, 2] - points[i, 2])
     return float(x + y + z)
+
+
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
+def _is_wide(points: Points, apex: int, a: int, b: int) -> bool:
+    """Tell whether a triangle's corner at `apex` is wider than the angle of _WIDE."""
+    dot, (x, y, z) = _corner_dot(points, apex, a, b), area_vector(points, apex, a, b)
+    return bool(dot < 0 and dot * dot > _WIDE * _WIDE * (x * x + y * y + z * z))
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.uint64, numba.int64), **LEAN)
@@ -89,20 +101,17 @@ def turns_beyond(dot: float, cosine: float, m: float, n: float) -> bool:
     return bool(dot < 0 or dot * dot < cosine * cosine * m * n)
 
 
-@kernel(numba.int64(MATRIX, LIMITS, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
-def inverted_by_flip(attributes: Points, limits: Limits, a: int, b: int, c: int, d: int) -> int:
-    """Return how many more faces look inwards at rest once the edge ab, between c and d, is flipped."""
-    now = is_inverted(attributes, limits, a, b, c) + is_inverted(attributes, limits, b, a, d)
-    then = is_inverted(attributes, limits, a, d, c) + is_inverted(attributes, limits, b, c, d)
-    return int(then) - int(now)
-
-
-@kernel(numba.int64(MESH_ARRAYS, LIMITS, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
-def opposed_by_flip(mesh: MeshArrays, limits: Limits, a: int, b: int, c: int, d: int) -> int:
-    """Return how many more faces oppose their normals once the edge ab, between c and d, is flipped."""
-    now = opposes_normals(mesh, limits, a, b, c) + opposes_normals(mesh, limits, b, a, d)
-    then = opposes_normals(mesh, limits, a, d, c) + opposes_normals(mesh, limits, b, c, d)
-    return int(then) - int(now)
+@kernel(_PAIR(MESH_ARRAYS, LIMITS, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
+def wrong_by_flip(mesh: MeshArrays, limits: Limits, a: int, b: int, c: int, d: int) -> tuple[int, int]:
+    """Return how many more faces look inwards at rest, and how many more oppose their normals, once the edge
+    ab, between c and d, is flipped."""
+    at_rest, attributes = 0, mesh.attributes
+    if limits.rest_column >= 0:
+        at_rest += is_inverted(attributes, limits, a, d, c) + is_inverted(attributes, limits, b, c, d)
+        at_rest -= is_inverted(attributes, limits, a, b, c) + is_inverted(attributes, limits, b, a, d)
+    now = opposes_normals(mesh, limits, a, d, c) + opposes_normals(mesh, limits, b, c, d)
+    now -= opposes_normals(mesh, limits, a, b, c) + opposes_normals(mesh, limits, b, a, d)
+    return at_rest, now
 
 
 @kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.int64, numba.int64, numba.float64), **LEAN)
@@ -121,30 +130,35 @@ def folds_by_flip(points: Points, a: int, b: int, c: int, d: int, cosine: float)
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
 def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
-    """Tell whether the edge of h is soft, not Delaunay, and its other diagonal legal on the same surface."""
+    """Tell whether the edge of h is soft, not Delaunay, and its other diagonal legal on the same surface.
+
+    Where one of the two is high over the surface, and edges may not bend, the other must be lower instead.
+    """
     points, vert, twin = mesh.points, mesh.vert, mesh.twin
     i = np.uint64(h)
     k = np.uint64(twin[i])
     a, b, c, d = vert[i], vert[after(i)], vert[before(i)], vert[before(k)]
     at_c, at_d = _corner_dot(points, c, a, b), _corner_dot(points, d, a, b)
-    if (at_c >= 0 and at_d >= 0) or mesh.tagged[i]:
+    now = edge_height(mesh, limits.field_column, a, b) if limits.bends else 0.0
+    then = edge_height(mesh, limits.field_column, c, d) if limits.bends else 0.0
+    is_high = max(now, then) > _HIGH and not (_is_wide(points, c, a, b) or _is_wide(points, d, a, b))
+    if mesh.tagged[i] or (then > _LOWER * now if is_high else at_c >= 0 and at_d >= 0):
         return False
     mx, my, mz = area_vector(points, a, b, c)
     nx, ny, nz = area_vector(points, b, a, d)
     m, n = mx * mx + my * my + mz * mz, nx * nx + ny * ny + nz * nz
     root_m, root_n = np.sqrt(m), np.sqrt(n)
-    if m == 0 or n == 0 or at_c * root_n + at_d * root_m > -_GAIN * root_m * root_n:
+    gains = is_high or at_c * root_n + at_d * root_m <= -_GAIN * root_m * root_n
+    if m == 0 or n == 0 or not gains:
         return False
     if turns_beyond(mx * nx + my * ny + mz * nz, max(_FLAT, hard_cosine(mesh, limits, a)), m, n):
         return False
     crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
-    if crossing > max_squared or crossing < min_squared:
+    if crossing > max_squared or crossing < min_squared or folds_by_flip(points, a, b, c, d, _FLAT):
         return False
-    if folds_by_flip(points, a, b, c, d, _FLAT):
+    if is_high and (_is_wide(points, a, c, d) or _is_wide(points, b, c, d)):
         return False
-    if limits.rest_column >= 0 and inverted_by_flip(mesh.attributes, limits, a, b, c, d) > 0:
-        return False
-    return not (opposed_by_flip(mesh, limits, a, b, c, d) > 0 or are_adjacent(mesh, before(i), d))
+    return not (max(wrong_by_flip(mesh, limits, a, b, c, d)) > 0 or are_adjacent(mesh, before(i), d))
 
 
 @kernel((MESH_ARRAYS, numba.int64), **LEAN)
@@ -221,8 +235,8 @@ def flip_fresh(
 ) -> int:
     """Flip edges of `obtuse_edges` and of FRESH faces where they should flip, and then around each flip.
 
-    Only an edge opposite an obtuse corner can be worth a flip, and a face has at most one: each FRESH face
-    tests one edge, and its unchanged neighbours test theirs. Empties `obtuse_edges`; `stack` is scratch.
+    Unless edges may not bend, only one opposite an obtuse corner can be worth a flip, and a face has at most
+    one: each FRESH face tests it, and so do its neighbours. Empties `obtuse_edges`; `stack` is scratch.
     """
     vert, twin, fresh, face_states = mesh.vert, mesh.twin, changes.fresh, changes.face_states
     flips = 0
@@ -237,17 +251,14 @@ def flip_fresh(
             continue
         for h in range(3 * f, 3 * f + 3):
             k = twin[np.uint64(h)]
-            if k < 0 or face_states[np.uint64(k) // np.uint64(3)] == FRESH:
+            if k < 0 or (face_states[np.uint64(k) // np.uint64(3)] == FRESH and not limits.bends):
                 continue
-            if _facing_obtuse(mesh, k // 3) == k:
+            if limits.bends or _facing_obtuse(mesh, k // 3) == k:
                 flips += _flip_from(mesh, k, limits, changes, stack)
         h = _facing_obtuse(mesh, f)
         if h >= 0:
             flips += _flip_from(mesh, h, limits, changes, stack)
     return flips
-
-
-_PAIR = numba.types.UniTuple(numba.int64, 2)
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
@@ -263,8 +274,7 @@ def can_untangle(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     if twin[i] < 0 or mesh.tagged[i]:
         return False
     a, b, c, d = vert[i], vert[after(i)], vert[before(i)], vert[before(np.uint64(twin[i]))]
-    at_rest = inverted_by_flip(mesh.attributes, limits, a, b, c, d)
-    now = opposed_by_flip(mesh, limits, a, b, c, d)
+    at_rest, now = wrong_by_flip(mesh, limits, a, b, c, d)
     if max(at_rest, now) > 0 or at_rest + now == 0:
         return False
     crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)

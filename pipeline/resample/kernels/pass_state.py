@@ -50,16 +50,17 @@ class Limits(NamedTuple):
     merges_at_midpoint: bool = True  # two soft ends merge halfway, or else at one of them
     field_column: int = -1  # in `MeshArrays.attributes`: `Thresholds.fields`, if they vary; else -1
     longest_share: float = 1.0  # of a triangle's longest side in its summed squared sides; above it is obtuse
-    squared_slack: float = 1.0  # factor on the squared maximum for edges that a collapse makes
     rest_column: int = -1  # in `MeshArrays.attributes`: position at rest; -1 if there is none
     rest_normal_column: int = -1  # in `MeshArrays.attributes`: normal at rest; -1 if there is none
-    hard_by_angle: bool = True  # edges beyond hard_angle are hard in this frame; else tagged ones alone
     normal_column: int = -1  # in `MeshArrays.attributes`: normal now, which no face may oppose; -1 if any may
+    hard_by_angle: bool = True  # edges beyond hard_angle are hard in this frame; else tagged ones alone
+    bends: bool = False  # the numbers of `Thresholds.bends` follow `Thresholds.fields`
+    squared_slack: float = 1.0  # factor on the squared maximum for edges that a collapse makes
 
 
-_FINEST = 1 / 256  # the factor on squared lengths where the surface bends most
-_F, _I = numba.float64, numba.int64
-LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I, numba.boolean, _I], Limits)
+_FINEST = 1 / 4096  # the factor on squared lengths where the surface bends most
+_F, _I, _B = numba.float64, numba.int64, numba.boolean
+LIMITS = numba.types.NamedTuple([_F, _F, _F, _B, _I, _F, _I, _I, _I, _B, _B, _F], Limits)
 _PAIR = numba.types.UniTuple(numba.float64, 2)
 _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
@@ -74,20 +75,28 @@ def squared_length(points: Points, a: int, b: int) -> float:
     return float(x * x + y * y + z * z)
 
 
+@kernel(numba.float64(MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
+def edge_height(mesh: MeshArrays, column: int, a: int, b: int) -> float:
+    """Return how far the middle of an edge is off the surface, over how far it may be; 0 if it may bend.
+
+    It is about an eighth of the length times the turn of the normal along the edge (`Thresholds.bends`).
+    """
+    limits, bend = mesh.attributes, 0.0
+    for k in range(3 if limits.shape[1] > column + 3 else 0):
+        turn = limits[b, column + 3 + k] - limits[a, column + 3 + k]
+        bend += turn * (mesh.points[b, k] - mesh.points[a, k])
+    return abs(bend)
+
+
 @kernel(_PAIR(MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
 def varying_limits(mesh: MeshArrays, column: int, a: int, b: int) -> tuple[float, float]:
     """Return the largest and the smallest squared length of an edge, by the limits of its vertices.
 
-    With normals over eight times a height, as `Thresholds.bends` has them, both are lower by the factor that
-    brings the middle of the edge as near to the surface: it is about an eighth of the length times the turn
-    of the normal along the edge.
+    Where the edge is too high, both are lower by the factor that brings its middle near to the surface.
     """
-    limits, bend = mesh.attributes, 0.0
+    limits = mesh.attributes
     longest, shortest = limits[a, column] * limits[b, column], limits[a, column + 1] * limits[b, column + 1]
-    for k in range(3 if limits.shape[1] > column + 3 else 0):
-        turn = limits[b, column + 3 + k] - limits[a, column + 3 + k]
-        bend += turn * (mesh.points[b, k] - mesh.points[a, k])
-    too_long, length = abs(bend) * longest, squared_length(mesh.points, a, b)
+    too_long, length = edge_height(mesh, column, a, b) * longest, squared_length(mesh.points, a, b)
     if too_long <= length:
         return longest, shortest
     lower = max(_FINEST, length / too_long)

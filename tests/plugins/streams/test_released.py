@@ -52,9 +52,13 @@ CASES = {
 
 
 def grown(
-    kind: type[ReleasedSurface], seeds: Seeds, field: VelocityField, tear: float = math.inf
+    kind: type[ReleasedSurface],
+    seeds: Seeds,
+    field: VelocityField,
+    tear: float = math.inf,
+    longest: float = LONGEST,
 ) -> ReleasedSurface:
-    surface = kind(seeds, Streamlines(field), 0.0, Thresholds(LONGEST), tear)
+    surface = kind(seeds, Streamlines(field), 0.0, Thresholds(longest), tear, tolerance=HEIGHT * LONGEST)
     for step in range(1, 21):
         surface.grow(SECONDS * step / 20)
     return surface
@@ -156,19 +160,40 @@ def test_a_row_that_moves_on_leaves_edges_behind_that_are_more_than_half_as_long
     assert np.median(along) > 0.6 * LONGEST
 
 
+def lengths_and_heights(surface: ReleasedSurface) -> tuple[Floats, Floats]:
+    """Return lengths (E,) of edges, and how far their middles are from the surface, by its normals."""
+    inner = surface._resampler.mesh
+    normals = surface._normals(inner)
+    ends = np.concatenate([inner.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    one, other = inner.vertices[ends].transpose(1, 0, 2)
+    turns = normals[ends[:, 1]] - normals[ends[:, 0]]
+    heights = np.abs(((other - one) * turns).sum(axis=1)) / 8.0
+    return np.linalg.norm(other - one, axis=1), heights
+
+
 @pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
 @pytest.mark.parametrize("case", CASES)
 def test_edges_are_near_the_surface_where_it_is_curved(kind: type[ReleasedSurface], case: str) -> None:
     surface = shown(kind, case)
     inner = surface._resampler.mesh
-    normals, faces = surface._normals(inner), vertex_normals(inner)
-    alike = np.abs((normals * faces).sum(axis=1))
+    alike = np.abs((surface._normals(inner) * vertex_normals(inner)).sum(axis=1))
     assert np.quantile(alike, 0.05) > 0.98, "they are those of the surface"
-    ends = np.concatenate([inner.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-    one, other = inner.vertices[ends].transpose(1, 0, 2)
-    turns = normals[ends[:, 1]] - normals[ends[:, 0]]
-    heights = np.abs(((other - one) * turns).sum(axis=1)) / 8.0
+    _, heights = lengths_and_heights(surface)
     assert np.quantile(heights, 0.95) < HEIGHT * LONGEST
+
+
+@pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
+@pytest.mark.parametrize("case", ["steady line", "changing circle"])
+def test_with_a_larger_maximum_flat_parts_are_coarser_and_bends_as_near(
+    kind: type[ReleasedSurface], case: str
+) -> None:
+    coarse = grown(kind, *CASES[case], longest=4.0 * LONGEST)
+    lengths, heights = lengths_and_heights(coarse)
+    assert LONGEST < lengths.max() <= 4.0 * LONGEST
+    assert np.quantile(heights, 0.95) < HEIGHT * LONGEST
+    level = Translation(rate=(0.0, 1.0, 0.0))
+    few, many = (grown(kind, LINE, level, longest=each * LONGEST).mesh.vertices for each in (4.0, 1.0))
+    assert len(few) < 0.25 * len(many)
 
 
 def test_the_newest_row_of_a_streak_surface_is_on_its_seeds_and_the_oldest_of_a_path_surface_moves() -> None:

@@ -71,6 +71,19 @@ def test_keys_change_with_what_decides_a_frame_and_with_nothing_else(word: str) 
     assert keys(subject.replace("0.1, 0.2]]", "0.1, 0.3]]")) != before
     assert keys(subject.replace("abc: {}", "abc: {a: 2}")) != before
     assert keys(f"{subject}, max_edge_length: 0.2") != before
+    if word.endswith("surface"):
+        assert keys(f"{subject}, tolerance: 0.001") != before
+
+
+def test_a_smaller_tolerance_makes_curved_parts_finer_and_lines_have_none() -> None:
+    subject = SUBJECTS["stream_surface"] + ", max_edge_length: 0.1"
+    plain, same, fine = (
+        len(frames_of(subject + more, only=frozenset({1}))[0].mesh.vertices)
+        for more in ("", ", tolerance: 0.000125", ", tolerance: 0.00001")
+    )
+    assert plain == same < 0.5 * fine
+    with pytest.raises(ShotError, match="tolerance"):
+        shot(SUBJECTS["stream_lines"] + ", tolerance: 0.001")
 
 
 def test_an_edit_of_later_velocities_leaves_earlier_frames() -> None:
