@@ -196,8 +196,7 @@ def _subject(data: Path, seen: _Seen, lines: dict[str, object], land_file: str) 
     indent = "  " if seen.is_in_space else "    "
     written = [f"{indent}{name}: {to_yaml(value)}" for name, value in lines.items()]
     written[1] += f"  # or {{variable: NAME}}; flowsculpt data {shlex.quote(data.name)} lists them"
-    if "line" in str(lines.get("stream_lines")):
-        written[2] += "  # seeds along the rows of stream_lines; many more lines need more rows"
+    written[2] += "  # seeds along the curve below; many more need more rows or turns there"
     if seen.is_in_space:
         return "\n".join(["subject:", *written])
     return "\n".join(["subjects:", "  flow:", *written, f"  base: {to_yaml(_base(seen, land_file))}"])

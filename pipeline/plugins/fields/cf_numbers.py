@@ -12,15 +12,8 @@ from flowsculpt.pipeline.plugins.fields.cf_files import CFSamples
 from flowsculpt.pipeline.plugins.fields.grid_layout import FLAT, SPHERE
 from flowsculpt.pipeline.plugins.fields.stored_arrays import opened_together
 
-SHOWN = {
-    "degc": "°C",
-    "deg c": "°C",
-    "deg_c": "°C",
-    "celsius": "°C",
-    "degree_celsius": "°C",
-    "degrees_celsius": "°C",
-    "degree_c": "°C",
-    "degrees_c": "°C",
+_CELSIUS = ("degc", "deg c", "deg_c", "celsius", "degree_celsius", "degrees_celsius", "degree_c", "degrees_c")
+SHOWN = dict.fromkeys(_CELSIUS, "°C") | {
     "degf": "°F",
     "kelvin": "K",
     "m s-1": "m/s",

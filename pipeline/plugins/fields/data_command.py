@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +19,7 @@ from flowsculpt.api.options import Common
 from flowsculpt.api.shots import ParseContext
 from flowsculpt.pipeline.plugins.fields import stored_arrays
 from flowsculpt.pipeline.plugins.fields.cf_conventions import text
-from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, decoded, missing_among
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, decoded
 from flowsculpt.pipeline.plugins.fields.cf_headers import (
     FileHeader,
     Selection,
@@ -52,7 +52,9 @@ def data(
     """
     files = files_named(str(file), ParseContext()) if "*" in file.name else (file,)
     facts = _stored(file, files, group) if stored_arrays.is_stored(files[0]) else _grid(file, files)
-    facts["new"] = "" if group else f"flowsculpt new NAME --data {shlex.quote(str(file))}"
+    facts["new"] = (
+        "" if group or not facts["velocity"] else f"flowsculpt new NAME --data {shlex.quote(str(file))}"
+    )
     print_result(_table(facts), facts, common.json)
 
 
@@ -77,8 +79,9 @@ def _stored(file: Path, files: tuple[Path, ...], group: str | None) -> dict[str,
     facts |= {"velocity": header.names, "extents": _extents(header), "times": _times(header)}
     samples, _ = cf_samples(files, Selection(group=group), Placing())
     speed = _typical_speed(samples.velocities(0))
-    facts |= {"missing": _missing(header, group), "speed": speed, "notes": list(header.notes)}
-    return facts | {"ranges": _ranges(header, group, _for_colours(facts))}
+    moving = _at_first(header, group, header.names.values())
+    facts |= {"missing": {name: each["missing"] for name, each in moving.items()}, "speed": speed}
+    return facts | {"notes": list(header.notes), "ranges": _at_first(header, group, _for_colours(facts))}
 
 
 def _typical_speed(velocity: np.ndarray) -> float:
@@ -117,37 +120,20 @@ def _times(header: FileHeader) -> dict[str, Any] | None:
     }
 
 
-def _missing(header: FileHeader, group: str | None) -> dict[str, float]:
-    """Return the share of missing values of the components at the first time."""
-    shares = {}
-    for name, raw, attributes in _at_first(header, group, header.names.values()):
-        missing = missing_among(raw, attributes)
-        shares[name] = 0.0 if missing is None else float(missing.mean())
-    return shares
-
-
-def _ranges(header: FileHeader, group: str | None, names: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the least and the greatest value of variables at the first time, and their units."""
-    ranges = {}
-    for name, raw, attributes in _at_first(header, group, names):
-        values, missing = decoded(raw, attributes, is_number=True)
-        known = values if missing is None else values[~missing]
-        if known.size:
-            ends = {"from": float(known.min()), "to": float(known.max())}
-            ranges[name] = {**ends, "unit": name_and_unit(name, attributes)[1]}
-    return ranges
-
-
-def _at_first(
-    header: FileHeader, group: str | None, names: Iterable[str]
-) -> Iterator[tuple[str, np.ndarray, Mapping[str, Any]]]:
-    """Yield variables at the first time as the file has them, with their attributes."""
-    axis = header.axes.get("t")
+def _at_first(header: FileHeader, group: str | None, names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return of numbers at the first time the share that is missing, and the ends and unit of the others."""
+    axis, found = header.axes.get("t"), {}
     with stored_arrays.opened(header.path, group) as dataset, convention_faults(header.path):
         for name in names:
-            variable = dataset.variables[name]
-            first = {axis.dimension: 0} if axis and axis.dimension in variable.dims else {}
-            yield name, np.asarray(variable.isel(first).values), variable.attrs
+            if (variable := dataset.variables[name]).dtype.kind not in "fiu":
+                continue
+            raw = np.asarray(variable.isel({axis.dimension: 0} if axis else {}).values)
+            values, missing = decoded(raw, variable.attrs, is_number=True)
+            known = values if missing is None else values[~missing]
+            ends = {"from": float(known.min()), "to": float(known.max())} if known.size else {}
+            unit = name_and_unit(name, variable.attrs)[1]
+            found[name] = {"missing": 1.0 - known.size / max(1, raw.size), **ends, "unit": unit}
+    return found
 
 
 def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
@@ -203,7 +189,7 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
     lines += facts["notes"]
     for name in _for_colours(facts):
         line = f"for colours: values: {{variable: {name}}}"
-        if seen := facts["ranges"].get(name):
+        if "from" in (seen := facts["ranges"].get(name, {})):
             line += f", {seen['from']:.4g} to {seen['to']:.4g} {seen['unit']}".rstrip() + " at the first time"
         lines.append(line)
     return [*lines, f"a shot of it: {facts['new']}"] if facts["new"] else lines

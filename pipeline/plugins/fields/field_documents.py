@@ -207,11 +207,8 @@ class SampledDocument(FlowParameters):
             )
         if not ours.layout.is_round:
             placing = replace(placing, up="z" if ours.layout.is_upright else "y")
-        at = tuple((self.at or {}).items())
-        even = Selection(along="east", resolution=self.resolution, is_number=True)  # where its grid is bent
-        selection = replace(
-            even, variables=(("x", variable),), at=at, group=self.group, interval=float(self.interval)
-        )
+        named = {"variables": (("x", variable),), "is_number": True}
+        selection = replace(self._selection(), along="east", **named)  # for grids that are bent
         theirs, notes = cf_samples(paths, selection, placing, kind=CFNumbers)
         assert isinstance(theirs, CFNumbers), "that reads them"
         if not theirs.layout.is_round and not theirs.layout.is_above(ours.layout):

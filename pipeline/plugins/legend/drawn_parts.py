@@ -12,6 +12,8 @@ from flowsculpt.api.pictures import Font
 Pixels = np.ndarray
 
 FONT = "DroidSans"  # of the cards of films; all its digits have one width
+IN_FONT = str.maketrans({"−": "–", "⁻": "–", "‰": "1e–3"})
+"""Letters that the font lacks, and what is written in their place: an en dash is the minus sign."""
 
 SIZE, LEAST = 0.0205, 10  # of letters: of the shorter side, and the fewest pixels, before the factor
 SMALL = 0.82  # of numbers and units
@@ -92,6 +94,7 @@ class LegendType:
     ) -> DrawnPart:
         """Return a palette with its label above and numbers below."""
         size, hair = self.size, self._hair
+        label, unit = label.translate(IN_FONT), unit.translate(IN_FONT)
         wide, high = round(PALETTE_WIDTH * size), max(3, round(PALETTE_HEIGHT * size))
         small = self._small
         titled = self._normal.width(label) + (round(0.5 * size) + small.width(unit) if unit else 0)

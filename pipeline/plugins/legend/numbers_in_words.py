@@ -17,9 +17,6 @@ MOST_OF_HOURS, MOST_OF_DAYS = 60.0, 20 * 1440.0
 MINUS = "\N{EN DASH}"
 """In place of a minus sign, which the font of legends lacks."""
 
-IN_FONT = str.maketrans({"\N{MINUS SIGN}": MINUS, "\N{SUPERSCRIPT MINUS}": MINUS, "‰": f"1e{MINUS}3"})
-"""Letters that the font lacks, and what is written in their place."""
-
 
 def marks(low: float, high: float, is_logarithmic: bool) -> list[tuple[float, float]]:
     """Return three to five round numbers of a range, with their places from 0 to 1."""

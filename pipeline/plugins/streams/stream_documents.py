@@ -233,9 +233,8 @@ class _FromSeeds(MovingKind):
                 "one, as in velocity: [{sampled: {file: ocean.nc}}]."
             )
         numbers, label, unit = with_data[0].variable_field(self.values.variable, self.values.file, clock)
-        least = (
-            0.5 if getattr(numbers, "between", "") == "cubic" else 1e-4
-        )  # beside missing nodes splines overshoot
+        # Beside missing nodes splines overshoot.
+        least = 0.5 if getattr(numbers, "between", "") == "cubic" else 1e-4
         return StreamValues(self.values.variable, label, unit, self.longest(seeds), numbers, least)
 
     def longest(self, seeds: Seeds) -> float:

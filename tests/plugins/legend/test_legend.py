@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 from flowsculpt.api import ShotError
 from flowsculpt.api.pictures import Camera, Font, RenderedFrame
-from flowsculpt.pipeline.plugins.legend.drawn_parts import FONT, LEAST, LegendType
+from flowsculpt.pipeline.plugins.legend.drawn_parts import FONT, IN_FONT, LEAST, LegendType
 from flowsculpt.pipeline.plugins.legend.legend_parts import draw_clock, draw_colours, draw_scale
 from flowsculpt.pipeline.plugins.legend.numbers_in_words import (
-    IN_FONT,
     date_text,
     marks,
     round_length,
