@@ -140,7 +140,7 @@ def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
     samples, _, notes = read_samples(files)
     times, variables = samples.times, [] if files[0].suffix.lower() == ".npz" else arrays_of(files[0])
     vectors = [each["name"] for each in variables if each["dimensions"]["component"] == 3]
-    return {
+    facts: dict[str, Any] = {
         "file": str(file),
         "variables": variables,
         "groups": [],
@@ -150,8 +150,8 @@ def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
         | {"seconds": float(times[-1] - times[0])},
         "missing": {},
         "notes": list(notes),
-        "ranges": {},
     }
+    return facts | {"ranges": {name: {} for name in _for_colours(facts)}}
 
 
 def _table(facts: dict[str, Any]) -> RenderableType:
@@ -187,9 +187,9 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
     lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
     lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
     lines += facts["notes"]
-    for name in _for_colours(facts):
+    for name, seen in facts["ranges"].items():
         line = f"for colours: values: {{variable: {name}}}"
-        if "from" in (seen := facts["ranges"].get(name, {})):
+        if "from" in seen:
             line += f", {seen['from']:.4g} to {seen['to']:.4g} {seen['unit']}".rstrip() + " at the first time"
         lines.append(line)
     return [*lines, f"a shot of it: {facts['new']}"] if facts["new"] else lines

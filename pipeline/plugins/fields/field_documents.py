@@ -207,8 +207,7 @@ class SampledDocument(FlowParameters):
             )
         if not ours.layout.is_round:
             placing = replace(placing, up="z" if ours.layout.is_upright else "y")
-        named = {"variables": (("x", variable),), "is_number": True}
-        selection = replace(self._selection(), along="east", **named)  # for grids that are bent
+        selection = replace(self._selection(), variables=(("x", variable),), along="east", is_number=True)
         theirs, notes = cf_samples(paths, selection, placing, kind=CFNumbers)
         assert isinstance(theirs, CFNumbers), "that reads them"
         if not theirs.layout.is_round and not theirs.layout.is_above(ours.layout):
