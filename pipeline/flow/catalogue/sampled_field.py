@@ -54,6 +54,7 @@ class Samples(ABC):
               shot, all moves faster
     metre     the length of a metre in the grid, where that is known
     is_large  True if memory has room for the times of a step alone
+    surface   dimension of depths in files, and the index nearest the surface; None without depths
     """
 
     axes: tuple[Floats, Floats, Floats]
@@ -65,6 +66,7 @@ class Samples(ABC):
     is_paced: bool = False
     metre: float | None = None
     is_large: bool = False
+    surface: tuple[str, int] | None = None
 
     def date(self, seconds: float) -> str:
         """Return the date and time at seconds of the samples; empty where they have none."""

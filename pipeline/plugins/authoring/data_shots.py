@@ -40,6 +40,7 @@ COLOURS = ["#2c5c9e", "#2b9fa0", "#9ccd74", "#ffdc62"]
 _REACH = 0.4  # of streamlines at the speed of the end of the palette, in sizes of the data
 _TURNS = 40  # of seeds, on a globe: nearer than seeds on a turn, since most flows go around
 _LINES, _LINES_OF_GLOBE, _PATHS = 800, 1000, 360
+_DENSER = 3.0  # times as many lines over data of one level, at most, where others would begin on land
 _PLATE = 1.06  # sides of the plate below data of one level, over theirs
 _ONE_WAY = 0.8  # share of what crosses a plane, less what returns, from which paths begin where it enters
 _BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
@@ -76,6 +77,7 @@ class _Seen:
     azimuth    of the side of a globe that moves most, degrees
     is_dated   True if its times are dates
     seconds    from its first time to its last; 0 where the velocities do not change
+    moving     share of the places where anything moves
     median     of the speeds, units per second of the data
     fastest    _BRIGHT % of the speeds are slower, units per second of the data
     """
@@ -87,6 +89,7 @@ class _Seen:
     azimuth: int
     is_dated: bool
     seconds: float
+    moving: float
     median: float
     fastest: float
 
@@ -96,9 +99,11 @@ class _Seen:
 
     @property
     def lines(self) -> int:
-        return (
-            _LINES_OF_GLOBE if self.is_globe else _LINES if self.seconds or self.flat is not None else _PATHS
-        )
+        if self.is_globe:
+            return _LINES_OF_GLOBE
+        if self.flat is not None:
+            return round(_LINES * min(1.0 / self.moving, _DENSER))
+        return _LINES if self.seconds else _PATHS
 
     @property
     def is_in_space(self) -> bool:
@@ -106,15 +111,19 @@ class _Seen:
         return self.flat is None and not self.is_globe
 
 
-def shot_of_data(data: Path, name: str) -> tuple[str, dict[Path, Content], list[str]]:
+def shot_of_data(
+    data: Path, name: str, all_levels: bool = False
+) -> tuple[str, dict[Path, Content], list[str]]:
     """Return the text of a new shot of a file of velocities, files beside it, and lines to tell about it.
+
+    all_levels  True shows all depths of a sea; else one that is wide and thin is a map of its surface
 
     Raises UsageError where nothing moves in it, and what `read_shot` raises where it cannot be read.
     """
     if "*" not in data.name and not data.exists():
         raise MissingInputError(f"{data}: not found; check the path")
     reference = Path(os.path.relpath(data.absolute(), Show().folder.resolve())).as_posix()
-    settings, shot = _placed(data)
+    settings, shot = _placed(data, all_levels)
     field = _field(shot)
     seen = _look(field, data, is_globe="map" in settings)
     pace, settings = _paced(field, seen, settings)
@@ -138,6 +147,12 @@ def shot_of_data(data: Path, name: str) -> tuple[str, dict[Path, Content], list[
 
     shot = read_shot(Path(f"{name}.yaml"), text_with(str(data.absolute())))  # shots/ may not be there yet
     remarks = [f"{data} stays where it is; the shot names it {reference}", *shot.notes]
+    if "at" in settings:
+        level = to_yaml(settings["at"])
+        remarks.append(
+            f"{data}: its depths are a thin layer; the shot is a map of the one nearest the surface, "
+            f"at: {level}. Write another index there, or begin again with --all-levels"
+        )
     if land is None:
         return text_with(reference), {}, remarks
     return text_with(reference, picture), {Show().folder / picture: partial(write_land, land)}, remarks
@@ -181,6 +196,8 @@ def _subject(data: Path, seen: _Seen, lines: dict[str, object], land_file: str) 
     indent = "  " if seen.is_in_space else "    "
     written = [f"{indent}{name}: {to_yaml(value)}" for name, value in lines.items()]
     written[1] += f"  # or {{variable: NAME}}; flowsculpt data {shlex.quote(data.name)} lists them"
+    if "line" in str(lines.get("stream_lines")):
+        written[2] += "  # seeds along the rows of stream_lines; many more lines need more rows"
     if seen.is_in_space:
         return "\n".join(["subject:", *written])
     return "\n".join(["subjects:", "  flow:", *written, f"  base: {to_yaml(_base(seen, land_file))}"])
@@ -230,11 +247,12 @@ def _in_data(field: Sampled, pace: float) -> float:
     return pace if is_as_is else 1.0 / ((metre or 1.0) * float(field.scale))  # type: ignore[arg-type]
 
 
-def _placed(data: Path) -> tuple[dict[str, object], Shot]:
+def _placed(data: Path, all_levels: bool) -> tuple[dict[str, object], Shot]:
     """Return the settings that make the data FIT units large, and a shot with them.
 
     Data that go around the earth are on a sphere. Other data of one level lie as a map does, with north away
-    from the camera, and data of several levels are at least HEIGHT of their size high.
+    from the camera, and so does the surface of a sea. Data of several levels are at least HEIGHT of their
+    size high.
     """
     globe: dict[str, object] = {"map": "sphere", "fit": FIT}
     try:
@@ -251,7 +269,10 @@ def _placed(data: Path) -> tuple[dict[str, object], Shot]:
         sides = np.array([np.ptp(axis) for axis in _field(shot).samples.axes])
         if _flat(sides) == 2:
             return _read(data, settings | {"up": "z"})
-        if _flat(sides) is None and sides[1] < HEIGHT * sides.max():
+        is_thin, surface = sides[1] < HEIGHT * sides.max(), _field(shot).samples.surface
+        if is_thin and surface is not None and not all_levels:
+            return _read(data, settings | {"at": {surface[0]: surface[1]}})
+        if _flat(sides) is None and is_thin:
             return _read(data, settings | {"exaggerate": _rounded(HEIGHT * sides.max() / sides[1])})
         return settings, shot
     _, shot = _read(data, {})
@@ -291,6 +312,7 @@ def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
     sides = np.radians(np.arange(-180, 180, 15))
     seen_of = np.maximum(nodes @ np.stack([np.sin(sides), 0.0 * sides, np.cos(sides)]), 0.0)
     azimuth = round(np.degrees(sides[np.argmax(speeds @ seen_of)]))
+    moving = float((speeds > 0.0).mean())
     speeds = speeds[speeds > 0.0]
     if not len(speeds):
         raise UsageError(f"{data}: nothing moves at its first time. Choose another file or variables.")
@@ -302,6 +324,7 @@ def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
         azimuth,
         is_dated=bool(samples.date(float(samples.times[0]))),
         seconds=float(samples.times[-1] - samples.times[0]),
+        moving=moving,
         median=float(np.median(speeds)),
         fastest=float(np.percentile(speeds, _BRIGHT)),
     )

@@ -92,6 +92,9 @@ def new(
             "or in a sequence, as 'wind_*.vti'.",
         ),
     ] = None,
+    all_levels: Annotated[
+        bool, typer.Option("--all-levels", help="With --data: all depths of a sea, not its surface as a map.")
+    ] = False,
 ) -> None:
     """Begin a shot, or a show: write files that are ready to render.
 
@@ -145,9 +148,11 @@ def new(
     path = Show().folder / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
+    if all_levels and data is None:
+        raise UsageError("--all-levels is for --data FILE; leave it out")
     if sequence is not None or data is not None:
         is_alone = model is None and source == "twist" and (sequence is None or data is None)
-        shot = _of_files(sequence, data, name, is_alone)
+        shot = _of_files(sequence, data, name, is_alone, all_levels)
     else:
         shot = _of_source(source, name) if model is None else _of_model(model, source, name)
     files = [path, *shot.beside]
@@ -230,13 +235,13 @@ def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     return [f"{Show().defaults} changes this copy of {source}: {names}; what the shot itself says wins"]
 
 
-def _of_files(sequence: str | None, data: Path | None, name: str, alone: bool) -> _NewShot:
+def _of_files(sequence: str | None, data: Path | None, name: str, alone: bool, all_levels: bool) -> _NewShot:
     """Return a new shot of a moving mesh, or of velocities; not `alone` beside a model, a flow or both."""
     if not alone:
         option = "--sequence" if data is None else "--data"
         raise UsageError(f"{option} shows files as they are; leave the other options out")
     if data is not None:
-        text, beside, remarks = shot_of_data(data, name)
+        text, beside, remarks = shot_of_data(data, name, all_levels)
     else:
         (text, remarks), beside = shot_of_sequence(str(sequence), name), {}
     return _NewShot(without_shared(text, defaults_of(Show().folder)), beside, remarks)

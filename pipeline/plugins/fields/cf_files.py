@@ -128,6 +128,14 @@ class CFSamples(WindowedSamples):
     def metre(self) -> float:  # type: ignore[override]
         return self.layout.unit
 
+    @property
+    def surface(self) -> tuple[str, int] | None:  # type: ignore[override]
+        first = self.headers[0]
+        heights = first.coordinates.up
+        if heights is None or not first.coordinates.is_geographic or heights[-1] > 0.0:
+            return None
+        return first.axes[UP].dimension, 0 if UP in first.turned else len(heights) - 1
+
     @cached_property
     def _seconds(self) -> Floats:
         """Seconds after the date at 0 of the first file."""
@@ -165,7 +173,9 @@ class CFSamples(WindowedSamples):
         placed = [placing.map, placing.up, placing.fit, placing.exaggerate, placing.land]
         grid = self.headers[0].curvilinear
         even = [] if grid is None else [["even", EVEN_VERSION, *grid.grid.shape, grid.along]]
-        return ["cf", names, list(chosen.at), chosen.group, placed, *even]
+        here = self.headers[0].coordinates
+        level = ["level"] if here.is_height and here.up is None else []
+        return ["cf", names, list(chosen.at), chosen.group, placed, *even, *level]
 
     def place(self, index: int) -> Any:
         k, i = self._where[index]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -154,8 +154,9 @@ class _HeaderReader:
         self._check_degrees(placed, is_geographic)
         if not placed:
             raise ConventionError("its velocities have no axis in space; a field has two or three")
-        is_height = UP in axes and any(
-            (text(axes[UP].attributes, "positive"), is_geographic, text(axes[UP].attributes, "standard_name"))
+        vertical = axes.get(UP) or self._chosen_level(names[next(iter(names))])
+        is_height = vertical is not None and (
+            is_geographic or any(text(vertical.attributes, name) for name in ("positive", "standard_name"))
         )
         coordinates = Coordinates(
             placed.get(EAST), placed.get(NORTH), placed.get(UP), is_geographic, is_height
@@ -311,6 +312,15 @@ class _HeaderReader:
         if not axes.keys() & {EAST, NORTH, UP}:
             raise ConventionError(f"{name} has no axis in space of two or more nodes")
         return axes
+
+    def _chosen_level(self, name: str) -> Axis | None:
+        """Return the vertical axis of which `at` chooses one level; None where it chooses none."""
+        for dimension in dict(self.selection.at):
+            with suppress(ConventionError):  # of coordinates that nothing reads
+                axis = self._axis(dimension, 0) if dimension in self.dataset.variables[name].dims else None
+                if axis and len(axis.values) > 1 and axis_of(axis.coordinate, axis.attributes) == UP:
+                    return axis
+        return None
 
     def _even_axes(self, name: str, variable: Any) -> dict[str, Axis]:
         """Return the axes of the even grid in place of a curvilinear one; none for other grids."""
@@ -480,7 +490,7 @@ class _HeaderReader:
                 f"heights, or choose one: at: {{{axis.dimension}: 0}}"
             )
         is_down = text(axis.attributes, "positive").lower() == "down" or standard.startswith("depth")
-        return (-1.0 if is_down else 1.0) * self._length(axis) * axis.values
+        return (-1.0 if is_down else 1.0) * self._length(axis) * axis.values + 0.0  # no -0
 
     def _times(self, axis: Axis | None) -> tuple[Floats, TimeUnits | None]:
         if axis is None:

@@ -28,6 +28,7 @@ SHOWN = {
     "meter second-1": "m/s",
     "s-1": "1/s",
     "1e-3": "‰",
+    "0.001": "‰",
     "psu": "PSU",
     "percent": "%",
     "kg m-3": "kg/m³",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,16 +18,19 @@ from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import Common
 from flowsculpt.api.shots import ParseContext
 from flowsculpt.pipeline.plugins.fields import stored_arrays
-from flowsculpt.pipeline.plugins.fields.cf_conventions import ConventionError, text
-from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_among
-from flowsculpt.pipeline.plugins.fields.cf_headers import FileHeader, Selection, read_header
+from flowsculpt.pipeline.plugins.fields.cf_conventions import text
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, decoded, missing_among
+from flowsculpt.pipeline.plugins.fields.cf_headers import (
+    FileHeader,
+    Selection,
+    convention_faults,
+    read_header,
+)
+from flowsculpt.pipeline.plugins.fields.cf_numbers import name_and_unit
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.plugins.fields.vtk_grids import arrays_of
-
-PASSING = 10.0
-"""Seconds of the film in which all times of the data pass with the suggested `time_scale`."""
 
 
 def data(
@@ -42,10 +47,12 @@ def data(
 ) -> None:
     """List the variables, axes and times of a file of fields, and the velocity that `sampled` would read.
 
-    `flowsculpt data ocean.nc` also says dates, extents, what is missing, and the lines for a shot.
+    `flowsculpt data ocean.nc` also says dates, extents, what is missing, and the ranges of what colours may
+    show.
     """
     files = files_named(str(file), ParseContext()) if "*" in file.name else (file,)
     facts = _stored(file, files, group) if stored_arrays.is_stored(files[0]) else _grid(file, files)
+    facts["new"] = "" if group else f"flowsculpt new NAME --data {shlex.quote(str(file))}"
     print_result(_table(facts), facts, common.json)
 
 
@@ -71,10 +78,7 @@ def _stored(file: Path, files: tuple[Path, ...], group: str | None) -> dict[str,
     samples, _ = cf_samples(files, Selection(group=group), Placing())
     speed = _typical_speed(samples.velocities(0))
     facts |= {"missing": _missing(header, group), "speed": speed, "notes": list(header.notes)}
-    placed = {"fit": "4"} if header.coordinates.is_geographic else {}
-    if header.time_units is not None and len(header.times) > 1:
-        placed["time_scale"] = _rounded(facts["times"]["seconds"] / PASSING)
-    return facts | {"shot": _entry(file, placed)}
+    return facts | {"ranges": _ranges(header, group, _for_colours(facts))}
 
 
 def _typical_speed(velocity: np.ndarray) -> float:
@@ -116,17 +120,34 @@ def _times(header: FileHeader) -> dict[str, Any] | None:
 def _missing(header: FileHeader, group: str | None) -> dict[str, float]:
     """Return the share of missing values of the components at the first time."""
     shares = {}
-    with stored_arrays.opened(header.path, group) as dataset:
-        for name in header.names.values():
-            variable = dataset.variables[name]
-            axis = header.axes.get("t")
-            raw = np.asarray(variable.isel({axis.dimension: 0} if axis else {}).values)
-            try:
-                missing = missing_among(raw, variable.attrs)
-            except ConventionError as error:
-                raise UsageError(f"{header.path}: {error}.") from None
-            shares[name] = 0.0 if missing is None else float(missing.mean())
+    for name, raw, attributes in _at_first(header, group, header.names.values()):
+        missing = missing_among(raw, attributes)
+        shares[name] = 0.0 if missing is None else float(missing.mean())
     return shares
+
+
+def _ranges(header: FileHeader, group: str | None, names: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the least and the greatest value of variables at the first time, and their units."""
+    ranges = {}
+    for name, raw, attributes in _at_first(header, group, names):
+        values, missing = decoded(raw, attributes, is_number=True)
+        known = values if missing is None else values[~missing]
+        if known.size:
+            ends = {"from": float(known.min()), "to": float(known.max())}
+            ranges[name] = {**ends, "unit": name_and_unit(name, attributes)[1]}
+    return ranges
+
+
+def _at_first(
+    header: FileHeader, group: str | None, names: Iterable[str]
+) -> Iterator[tuple[str, np.ndarray, Mapping[str, Any]]]:
+    """Yield variables at the first time as the file has them, with their attributes."""
+    axis = header.axes.get("t")
+    with stored_arrays.opened(header.path, group) as dataset, convention_faults(header.path):
+        for name in names:
+            variable = dataset.variables[name]
+            first = {axis.dimension: 0} if axis and axis.dimension in variable.dims else {}
+            yield name, np.asarray(variable.isel(first).values), variable.attrs
 
 
 def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
@@ -143,20 +164,8 @@ def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
         | {"seconds": float(times[-1] - times[0])},
         "missing": {},
         "notes": list(notes),
-        "shot": _entry(file, {}),
+        "ranges": {},
     }
-
-
-def _rounded(seconds: float) -> str:
-    """Return a round length of time of about so many seconds, as shots write it."""
-    units = (("day", 86400.0), ("h", 3600.0), ("min", 60.0), ("", 1.0))
-    unit, length = next((each for each in units if seconds >= each[1]), units[-1])
-    return f"{float(f'{seconds / length:.2g}'):g} {unit}".rstrip()
-
-
-def _entry(file: Path, settings: dict[str, str]) -> str:
-    written = ", ".join(f"{name}: {value}" for name, value in ({"file": file.name} | settings).items())
-    return f"- sampled: {{{written}}}"
 
 
 def _table(facts: dict[str, Any]) -> RenderableType:
@@ -177,7 +186,10 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
     named = ", ".join(f"{axis}: {name}" for axis, name in facts["velocity"].items())
     lines = [f"velocity: {{{named}}}"]
     for name, extent in facts["extents"].items():
-        span = f"{extent['from']:.6g} to {extent['to']:.6g} {extent['unit']}".rstrip()
+        ends, unit = (extent["from"], extent["to"]), extent["unit"]
+        if name == "z" and unit == "m" and ends[1] <= 0.0:
+            ends, unit = (0.0 - ends[1], -ends[0]), "m down"
+        span = f"{ends[0]:.6g} to {ends[1]:.6g} {unit}".rstrip()
         lines.append(f"{name}: {extent['axis']}, {span}, {extent['nodes']} nodes")
     if times := facts["times"]:
         dates = f", {times['first']} to {times['last']} ({times['calendar']})" if times["first"] else ""
@@ -188,17 +200,21 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
         lines.append(f"times: {times['count']}{each}{dates}")
     lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
     lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
-    lines += [*facts["notes"], f"in a shot: {facts['shot']}"]
-    shown = _variable_for_colours(facts)
-    return [*lines, f"by its colours: values: {{variable: {shown}}}"] if shown else lines
+    lines += facts["notes"]
+    for name in _for_colours(facts):
+        line = f"for colours: values: {{variable: {name}}}"
+        if seen := facts["ranges"].get(name):
+            line += f", {seen['from']:.4g} to {seen['to']:.4g} {seen['unit']}".rstrip() + " at the first time"
+        lines.append(line)
+    return [*lines, f"a shot of it: {facts['new']}"] if facts["new"] else lines
 
 
-def _variable_for_colours(facts: dict[str, Any]) -> str:
-    """Return a variable that colours may show: on the axes of the velocities; empty where there is none."""
+def _for_colours(facts: dict[str, Any]) -> list[str]:
+    """Return the variables that colours may show: numbers on the axes of the velocities."""
     sizes, moving = (
         {each["name"]: each["dimensions"] for each in facts["variables"]},
         facts["velocity"].values(),
     )
     axes = [sizes[name].keys() for name in moving if name in sizes]
     others = [name for name in sizes if name not in moving and sizes[name].keys() in axes]
-    return next((name for name in others if sizes[name].get("component", 1) == 1), "")
+    return [name for name in others if sizes[name].get("component", 1) == 1]

@@ -93,7 +93,7 @@ class SampledDocument(FlowParameters):
     ] = None
     up: Annotated[
         Literal["y", "z"] | None,
-        ParameterDoc("the axis of the data that points up; by default z where it is a height, else y"),
+        ParameterDoc("the axis of the data that points up; by default z where they have heights, else y"),
     ] = None
     fit: Annotated[
         Positive | None,

@@ -54,7 +54,7 @@ class Coordinates:
     east, north    degrees or metres
     up             metres
     is_geographic  True if east and north are degrees
-    is_height      True if `up` is known to be vertical
+    is_height      True if `up` is known to be vertical, or they are one level of what has such an axis
     """
 
     east: Floats | None
@@ -186,7 +186,7 @@ class GridLayout:
         """True if the vertical axis of the data points up in pictures."""
         if self.placing.up is not None:
             return self.placing.up == "z"
-        return self.coordinates.is_height and self.coordinates.up is not None
+        return self.coordinates.is_height
 
     def is_above(self, other: GridLayout) -> bool:
         """Tell whether a plane has its places where another has them, whatever their heights."""

@@ -14,9 +14,9 @@ PLUGIN = Plugin(
             PictureStage(f"{_PARTS}:draw_{name}", version=version, doing="drawing legends", is_last=True),
         )
         for name, document, version in (
-            ("colours", "ColoursDocument", 1),
-            ("clock", "ClockDocument", 2),
-            ("scale", "ScaleBarDocument", 2),
+            ("colours", "ColoursDocument", 2),
+            ("clock", "ClockDocument", 3),
+            ("scale", "ScaleBarDocument", 3),
         )
     },
 )

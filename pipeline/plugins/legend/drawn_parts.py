@@ -13,7 +13,7 @@ Pixels = np.ndarray
 
 FONT = "DroidSans"  # of the cards of films; all its digits have one width
 
-SIZE, LEAST = 0.0205, 8  # of letters, of the shorter side, and in pixels
+SIZE, LEAST = 0.0205, 10  # of letters: of the shorter side, and the fewest pixels, before the factor
 SMALL = 0.82  # of numbers and units
 QUIET = 0.74  # strength of what matters less
 BRIGHTNESS = 1.9  # of a palette: what lights make of reflectances, about
@@ -62,7 +62,7 @@ class LegendType:
 
     @classmethod
     def of(cls, factor: float, width: int, height: int) -> LegendType:
-        return cls(max(LEAST, round(factor * SIZE * min(width, height))))
+        return cls(round(factor * max(LEAST, SIZE * min(width, height))))
 
     @property
     def scale_width(self) -> float:
@@ -75,7 +75,7 @@ class LegendType:
 
     @property
     def _small(self) -> Font:
-        return Font(FONT, max(LEAST - 1, round(SMALL * self.size)), 0.01)
+        return Font(FONT, round(SMALL * self.size), 0.01)
 
     @property
     def _normal(self) -> Font:

@@ -17,7 +17,13 @@ from flowsculpt.api.flows import Sampled, number_at
 from flowsculpt.api.pictures import Camera, RenderedFrame
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.legend.drawn_parts import DrawnPart, Ink, LegendType, laid_over
-from flowsculpt.pipeline.plugins.legend.numbers_in_words import date_text, marks, round_length, written
+from flowsculpt.pipeline.plugins.legend.numbers_in_words import (
+    IN_FONT,
+    date_text,
+    marks,
+    round_length,
+    written,
+)
 
 PARTS = ("legend.colours", "legend.clock", "legend.scale")
 """Entries in the order in which they stand, the first next to the edge."""
@@ -97,7 +103,8 @@ def _colours(shot: Shot, entry: Any, letters: LegendType, ink: Ink) -> DrawnPart
     low, high = pattern.range
     places = marks(low, high, pattern.is_logarithmic)
     texts = [(place, written(value, places)) for value, place in places]
-    return letters.palette(_capital(label), unit, pattern.ramp(), texts, ink)
+    label, unit = (text.translate(IN_FONT) for text in (_capital(label), unit))
+    return letters.palette(label, unit, pattern.ramp(), texts, ink)
 
 
 def _capital(label: str) -> str:

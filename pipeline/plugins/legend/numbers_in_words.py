@@ -14,7 +14,11 @@ _NICE = (1.0, 2.0, 5.0, 10.0)
 MOST_OF_HOURS, MOST_OF_DAYS = 60.0, 20 * 1440.0
 """Minutes from frame to frame from which clocks show no hours, and no days: they would flicker."""
 
-MINUS = "\N{MINUS SIGN}"
+MINUS = "\N{EN DASH}"
+"""In place of a minus sign, which the font of legends lacks."""
+
+IN_FONT = str.maketrans({"\N{MINUS SIGN}": MINUS, "\N{SUPERSCRIPT MINUS}": MINUS, "‰": f"1e{MINUS}3"})
+"""Letters that the font lacks, and what is written in their place."""
 
 
 def marks(low: float, high: float, is_logarithmic: bool) -> list[tuple[float, float]]:

@@ -24,7 +24,7 @@ from flowsculpt.pipeline.plugins.streams.stream_values import Measured, Parcels,
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
 from flowsculpt.pipeline.plugins.streams.value_samples import ValueSamples
 
-VERSION = 5
+VERSION = 6
 """Raised when equal settings give other surfaces."""
 
 CUT = 0.5

@@ -233,7 +233,10 @@ class _FromSeeds(MovingKind):
                 "one, as in velocity: [{sampled: {file: ocean.nc}}]."
             )
         numbers, label, unit = with_data[0].variable_field(self.values.variable, self.values.file, clock)
-        return StreamValues(self.values.variable, label, unit, self.longest(seeds), numbers)
+        least = (
+            0.5 if getattr(numbers, "between", "") == "cubic" else 1e-4
+        )  # beside missing nodes splines overshoot
+        return StreamValues(self.values.variable, label, unit, self.longest(seeds), numbers, least)
 
     def longest(self, seeds: Seeds) -> float:
         """Return the longest edge, units."""

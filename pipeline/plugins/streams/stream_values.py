@@ -74,6 +74,7 @@ class StreamValues:
     longest  edge of the surface, units; short lengths are a part of it
     numbers  of a variable, the field whose z is 1 inside the grid, y the fraction that is known, and x this
              times the value
+    least_known  of that fraction, for a point to have a value
     factor   on what is measured in units and seconds of the shot
     """
 
@@ -82,12 +83,14 @@ class StreamValues:
     unit: str
     longest: float
     numbers: VelocityField | None = None
+    least_known: float = 0.5
     factor: float = 1.0
 
     def at(self, parcels: Parcels, velocity: VelocityField, released: Displaces) -> Floats:
         """Return the values (N,) of points, NaN where there is none; `velocity` has moved them."""
         if self.numbers is not None:
-            return _known(evaluated(self.numbers.velocity, parcels.points, parcels.times))
+            found = evaluated(self.numbers.velocity, parcels.points, parcels.times)
+            return _known(found, self.least_known)
         measured = {
             "speed": self._speed,
             "vorticity": self._vorticity,
@@ -133,10 +136,10 @@ class StreamValues:
         return np.stack([(sides[2 * k] - sides[2 * k + 1]) / (2.0 * apart) for k in range(3)], axis=2)
 
 
-def _known(found: Floats) -> Floats:
+def _known(found: Floats, least: float) -> Floats:
     """Return values (N,) of what `StreamValues.numbers` is at points, (N, 3); NaN where they are missing."""
     summed, known, inside = found.T
-    there = known > 0.5 * np.maximum(inside, 1e-300)
+    there = known > least * np.maximum(inside, 1e-300)
     return np.where(there, summed / np.where(there, known, 1.0), np.nan)
 
 

@@ -298,6 +298,10 @@ def test_heights_stand_up_and_are_exaggerated(tmp_path: Path) -> None:
     flat = read(data, tmp_path, Placing(up="y"))
     assert np.ptp(flat.axes[2]) == 50.0
     section = read(data, tmp_path, at=(("lat", 3),))
+    surface = read(data, tmp_path, at=(("depth", 0),))
+    np.testing.assert_allclose(velocity_at(surface, 11.0, 51.5), [1.5, 0.001, -1.0], rtol=1e-5)  # north: -z
+    assert surface.surface is None and samples.surface == ("depth", 0)
+    assert surface.digest(0) != read(data, tmp_path, Placing(up="y"), at=(("depth", 0),)).digest(0)
     assert np.ptp(section.axes[2]) > 1e6 and section.velocities(0).shape == (9, 3, 2, 3)
 
 

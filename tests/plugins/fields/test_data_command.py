@@ -19,8 +19,13 @@ def ocean(tmp_path: Path) -> Path:
     dims, units = ("time", "lat", "lon"), {"units": "m s-1"}
     u = np.ones((3, 4, 4))
     u[:, 0, 0] = np.nan
+    dated = np.arange(3.0)[:, None, None] + (np.arange(4) == 3)  # 1 to 2 at the first time
     data = xarray.Dataset(
-        {"uo": (dims, u, units), "vo": (dims, 0 * u, units), "zos": (dims, u, {"units": "m"})},
+        {
+            "uo": (dims, u, units),
+            "vo": (dims, 0 * u, units),
+            "zos": (dims, u + (u == u) * dated, {"units": "m"}),
+        },
         {
             "lon": ("lon", lon, {"units": "degrees_east"}),
             "lat": ("lat", lat, {"units": "degrees_north"}),
@@ -44,7 +49,8 @@ def test_variables_axes_and_times_are_listed_with_dates_of_the_calendar(ocean: P
         "x: lon, 0 to 30 degrees, 4 nodes",
         "times: 3, 24 h 00 min apart, 2001-02-29 00:00:00 to 2001-03-01 00:00:00 (360_day)",
         "missing: 6.2% of uo",
-        "in a shot: - sampled: {file: ocean.nc, fit: 4, time_scale: 4.8 h}",
+        "for colours: values: {variable: zos}, 1 to 2 m at the first time",
+        f"a shot of it: flowsculpt new NAME --data {ocean}",
     ):
         assert line in said, said
     assert "zos" in said and "time 3 × lat 4 × lon 4" in said
@@ -55,6 +61,16 @@ def test_json_has_the_same_facts(ocean: Path) -> None:
     assert facts["velocity"] == {"x": "uo", "y": "vo"} and facts["times"]["calendar"] == "360_day"
     assert facts["extents"]["y"] == {"axis": "lat", "from": 30.0, "to": 45.0, "unit": "degrees", "nodes": 4}
     assert facts["missing"]["uo"] == pytest.approx(1 / 16)
+
+
+def test_depths_are_listed_as_the_file_has_them(ocean: Path) -> None:
+    deep = ocean.parent / "deep.nc"
+    with xarray.open_dataset(ocean, engine="h5netcdf", decode_cf=False) as data:
+        depths = ("depth", [0.0, 10.0, 400.0], {"units": "m", "positive": "down"})
+        data.expand_dims(depth=3, axis=1).assign_coords(depth=depths).to_netcdf(deep, engine="h5netcdf")
+    assert "z: depth, 0 to 400 m down, 3 nodes" in output_of(str(deep))
+    up = json.loads(output_of(str(deep), "--json"))["extents"]["z"]
+    assert (up["from"], str(up["to"])) == (-400.0, "0.0")
 
 
 def test_a_file_without_a_velocity_says_what_it_lacks(ocean: Path) -> None:
@@ -80,8 +96,8 @@ def test_sequences_and_their_arrays_are_listed_as_shots_name_them(tmp_path: Path
     for line in (
         "velocity: {xyz: U}",
         "times: 3",
-        "in a shot: - sampled: {file: wind_*.vti}",
-        "by its colours: values: {variable: p}",
+        "for colours: values: {variable: p}",
+        f"a shot of it: flowsculpt new NAME --data '{tmp_path / 'wind_*.vti'}'",
     ):
         assert line in said, said
     code, said = commanded(tmp_path, "data", str(tmp_path / "waves_*.vti"))
@@ -92,4 +108,4 @@ def test_grids_of_arrays_are_listed_too(tmp_path: Path) -> None:
     axis = np.linspace(-1.0, 1.0, 3)
     np.savez(tmp_path / "a.npz", x=axis, y=axis, z=axis, velocity=np.zeros((3, 3, 3, 3)))
     said = output_of(str(tmp_path / "a.npz"))
-    assert "x: x, -1 to 1, 3 nodes" in said and "in a shot: - sampled: {file: a.npz}" in said
+    assert "x: x, -1 to 1, 3 nodes" in said and "new NAME --data" in said

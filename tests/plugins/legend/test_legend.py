@@ -14,9 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.api import ShotError
-from flowsculpt.api.pictures import Camera, RenderedFrame
+from flowsculpt.api.pictures import Camera, Font, RenderedFrame
+from flowsculpt.pipeline.plugins.legend.drawn_parts import FONT, LEAST, LegendType
 from flowsculpt.pipeline.plugins.legend.legend_parts import draw_clock, draw_colours, draw_scale
-from flowsculpt.pipeline.plugins.legend.numbers_in_words import date_text, marks, round_length, written
+from flowsculpt.pipeline.plugins.legend.numbers_in_words import (
+    IN_FONT,
+    date_text,
+    marks,
+    round_length,
+    written,
+)
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.shot import read_shot
@@ -77,7 +84,7 @@ def test_a_scale_has_a_few_round_numbers_that_lie_where_they_belong(
 
 def test_numbers_are_written_as_readers_know_them() -> None:
     assert [written(v, marks(-1.0, 1.0, is_logarithmic=False)) for v in (-0.5, 0.0, 1.0)] == [
-        "−0.5",
+        "–0.5",
         "0",
         "1.0",
     ]
@@ -123,9 +130,9 @@ def test_parts_of_one_corner_stand_above_one_another_within_the_margin(place: st
     for task in TASKS:
         down, across = changed(drawn(f"{{{legend}}}", task))
         assert (across.start < 160) == place.endswith("left")
-        assert (down.start < 90) == place.startswith("upper")
         assert across.start > 0 and across.stop < 320 and down.start > 0 and down.stop < 180
         rows.append(down)
+    assert (rows[0].start < 90) == place.startswith("upper")
     ordered = rows if place.startswith("upper") else rows[::-1]
     assert all(one.start < other.start for one, other in pairwise(ordered))
 
@@ -137,6 +144,20 @@ def test_a_part_of_a_picture_has_the_part_of_its_legend() -> None:
     for name in ("beauty", "alpha"):
         assert np.array_equal(whole[name][120:170, 10:110], part[name])
     assert changed(part)
+
+
+def test_every_letter_of_numbers_and_of_known_units_is_in_the_font() -> None:
+    units = pytest.importorskip("flowsculpt.pipeline.plugins.fields.cf_numbers").SHOWN.values()
+    numbers = [written(value, [(value, 0.0)]) for value in (-0.5, -1.5e-7, 2.5e9)]
+    texts = [text.translate(IN_FONT) for text in (*units, *numbers, "m s⁻¹", "−2")]
+    lacking = {each for text in texts for each in text if each != " " and not Font(FONT, 20).line(each).any()}
+    assert not lacking and Font(FONT, 20).line("‰").sum() == 0.0, "IN_FONT is for what the font lacks"
+
+
+def test_the_size_of_a_legend_counts_in_small_pictures_too() -> None:
+    sizes = [LegendType.of(factor, 480, 270).size for factor in (1.0, 1.5, 2.5)]
+    assert sizes == [LEAST, 1.5 * LEAST, 2.5 * LEAST]
+    assert LegendType.of(2.0, 1920, 1080).size == 2 * LegendType.of(1.0, 1920, 1080).size
 
 
 @needs_plugins("streams")

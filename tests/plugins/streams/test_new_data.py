@@ -103,6 +103,49 @@ def test_data_of_one_level_lie_as_a_map_with_north_away_from_the_camera(
     assert row[round(0.25 * len(row))] > 2.0 * row[round(0.75 * len(row))]
 
 
+def write_sea(path: Path, depths: list[float]) -> None:
+    """Write a thin sea with land in its west: to the north at the surface, and to the west below it."""
+    xarray = pytest.importorskip("xarray")
+    east, north = np.linspace(-6, -3, 25), np.linspace(35, 37, 17)
+    shape = (2, len(depths), 17, 25)
+    is_surface = (np.array(depths) == min(depths))[None, :, None, None]
+    land = np.where(east < -5.0, np.nan, 0.0)
+    names, units = ("time", "deptht", "lat", "lon"), {"units": "m s-1"}
+    speeds = {"uo": np.where(is_surface, 0.0, -0.4) + land, "vo": np.where(is_surface, 0.5, 0.0) + land}
+    xarray.Dataset(
+        {name: (names, np.broadcast_to(speed, shape), units) for name, speed in speeds.items()},
+        {
+            "time": ("time", [0.0, 6.0], {"units": "hours since 2024-03-02"}),
+            "deptht": ("deptht", depths, {"units": "m", "positive": "down"}),
+            "lat": ("lat", north, {"units": "degrees_north"}),
+            "lon": ("lon", east, {"units": "degrees_east"}),
+        },
+    ).to_netcdf(path, engine="h5netcdf")
+
+
+@pytest.mark.parametrize("depths", [[0.5, 50.0, 400.0], [400.0, 50.0, 0.5]])
+def test_a_sea_with_depths_is_a_map_of_its_surface_unless_all_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depths: list[float]
+) -> None:
+    write_sea(tmp_path / "sea.nc", depths)
+    monkeypatch.chdir(tmp_path)
+    code, said = begun(tmp_path, "sea.nc")
+    at = f"at: {{deptht: {depths.index(0.5)}}}"
+    assert code == 0 and at in said and "--all-levels" in said
+    assert at in (tmp_path / "shots/A010_sea.yaml").read_text("utf-8")
+    lines, plate = read_shot(tmp_path / "shots/A010_sea.yaml").parts
+    vertices = next(iter(animate(lines))).mesh.vertices
+    assert np.ptp(vertices[:, 1]) < 0.05 and plate.motion.mesh_at_rest().vertices[:, 1].max() < 0.0
+    field = lines.motion.animated.model.sequence.flow.field
+    east, up, south = field.velocity(np.array([[0.3, 0.0, 0.0]]), 0.0)[0]
+    assert (east, up) == (0.0, 0.0) and south < 0.0, "north is away from the camera"
+    picture = iio.imread(tmp_path / "shots/A010_sea_land.png").astype(float).sum(axis=2)
+    row = picture[len(picture) // 2]
+    assert row[round(0.2 * len(row))] > 2.0 * row[round(0.7 * len(row))]
+    code, said = commanded(tmp_path, "new", "A020_all", "--data", "sea.nc", "--all-levels")
+    assert code == 0 and "exaggerate" in (tmp_path / "shots/A020_all.yaml").read_text("utf-8")
+
+
 def test_layers_of_an_atmosphere_are_raised_and_filled_with_lines(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,6 +232,8 @@ def test_data_without_motion_or_beside_other_sources_are_refused(
         data.expand_dims(lev=3).assign_coords(level).to_netcdf(tmp_path / "model.nc", engine="h5netcdf")
     code, said = begun(tmp_path, "model.nc")
     assert code == 2 and said.startswith(f"{tmp_path / 'model.nc'}: coordinate lev counts levels")
+    code, said = commanded(tmp_path, "new", "A010_sea", "--all-levels")
+    assert code == 2 and "--all-levels is for --data FILE" in said
     code, said = begun(tmp_path, "still.npz", "--sequence", "a_*.ply")
     assert code == 2 and "--data shows files as they are; leave the other options out" in said
     assert not (tmp_path / "shots/A010_sea.yaml").exists()
