@@ -41,7 +41,7 @@ STEPS = {
 }
 """Words after `python`, by what they show; `{made}` is a new folder."""
 
-FILM = "title: Two frames\nshots: [{shot: A030_taffy, frames: 1-2}]\ntitle_seconds: 0\ncredits_seconds: 0\n"
+FILM = "title: Two frames\nshots: [{shot: B100_torus, frames: 1-2}]\ntitle_seconds: 0\ncredits_seconds: 0\n"
 
 FAULT = re.compile(r"^(FAILED|ERROR|E  |.*(error|warning)\b).*", re.MULTILINE | re.IGNORECASE)
 """Lines of output that say what failed."""
@@ -94,7 +94,7 @@ def fault_of(step: str, folder: Path) -> str | None:
     """Return what a step says of its failure in a copy, up to 30 lines; None where it works."""
     with tempfile.TemporaryDirectory(prefix="made-") as made:
         (Path(made) / "shots").mkdir()
-        shutil.copy2(folder / "shots/A030_taffy.yaml", Path(made) / "shots")
+        shutil.copy2(folder / "shots/B100_torus.yaml", Path(made) / "shots")
         (Path(made) / "shots/short.yaml").write_text(FILM, "utf-8")
         done = subprocess.run(
             [sys.executable, *(word.format(made=made) for word in STEPS[step])],
