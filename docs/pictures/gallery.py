@@ -23,7 +23,7 @@ from flowsculpt.pipeline.production.picture_sequences import white_level
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
     "A010_cube": 66,
-    "A020_lorenz": 60,
+    "A020_lorenz": 57,
     "A030_taffy": 96,
     "B010_honey": 121,
     "B020_inks": 92,

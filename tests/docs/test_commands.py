@@ -158,13 +158,14 @@ class Reader:
 
 @pytest.fixture
 def beside(tmp_path: Path) -> Path:
-    """A folder outside of any clone, with a model and two winds."""
+    """A folder outside of any clone, with a model and winds."""
     from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
     write_mesh(icosphere(12), tmp_path / "bunny.obj")
     axis = np.linspace(-2.0, 2.0, 3)
     np.savez(tmp_path / "wind.npz", x=axis, y=axis, z=axis, velocity=np.full((3, 3, 3, 3), 0.1))
-    (tmp_path / "wind.vti").write_text(WIND)
+    for name in ("wind.vti", "wind_1.vti", "wind_2.vti"):
+        (tmp_path / name).write_text(WIND)
     return tmp_path
 
 
