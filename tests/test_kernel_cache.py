@@ -54,14 +54,16 @@ if __name__ == "__main__":
     build_kernels({calls!r}, 2, lambda: None)
 """
 
-CALLED, CALLER = "flowsculpt.pipeline.mesh.kernels.halfedge", "flowsculpt.pipeline.mesh.kernels.face_measures"
+CALLED, BETWEEN, CALLER = (
+    f"flowsculpt.pipeline.mesh.kernels.{name}" for name in ("halfedge", "normal_kernels", "face_measures")
+)
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """A user's cache in which set-up has compiled the kernels of CALLED and CALLER."""
+    """A user's cache in which set-up has compiled the kernels of CALLED, BETWEEN and CALLER."""
     cache = tmp_path_factory.mktemp("built")
-    code = BUILD.format(calls={CALLED: set(), CALLER: {CALLED}})
+    code = BUILD.format(calls={CALLED: set(), BETWEEN: {CALLED}, CALLER: {CALLED, BETWEEN}})
     subprocess.run([sys.executable, "-c", code], env={**os.environ, "XDG_CACHE_HOME": str(cache)}, check=True)
     return cache
 
@@ -83,7 +85,7 @@ def test_a_call_finds_what_set_up_has_compiled(built, tmp_path):
 
 @pytest.mark.slow
 def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(built):
-    assert kernel_calls()[CALLER] == {CALLED}
+    assert kernel_calls()[CALLER] == {CALLED, BETWEEN}
     stored = [path for kind in ("kernel", "inner") for path in built.rglob(f"*.{kind}")]
     compiled = [path.name.rpartition("-")[0] for path in stored]
     assert len(compiled) == len(set(compiled))

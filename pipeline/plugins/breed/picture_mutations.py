@@ -75,6 +75,8 @@ def proportions(draft: Draft) -> str:
     if subject["solid"] == "torus":
         tube, radius = subject.get("tube_radius", 0.4), subject.get("radius", 1)
         subject["tube_radius"] = rounded(min(max(tube, 0.12 * radius), 0.6 * radius))
+    if subject["solid"] == "rod" and subject.get("caps", "round") == "round":  # half balls at both ends
+        subject["radius"] = rounded(min(subject.get("radius", 0.5), 0.4 * subject.get("length", 3)))
     return "other proportions"
 
 
