@@ -192,9 +192,15 @@ class TravelStep:
 
     @property
     def _moments(self) -> list[Frozen]:
-        """The field at the begin, the middle and the end."""
-        made = [Frozen(self.flow.field, float(time)) for time in np.linspace(self.begin, self.end, 3)]
-        return made if self.kept is None else vars(self).setdefault("_kept_moments", made)
+        """The field at the begin, the middle and the end, made again each time where no plan is kept."""
+        return self._frozen() if self.kept is None else self._kept_moments
+
+    @cached_property
+    def _kept_moments(self) -> list[Frozen]:
+        return self._frozen()
+
+    def _frozen(self) -> list[Frozen]:
+        return [Frozen(self.flow.field, float(time)) for time in np.linspace(self.begin, self.end, 3)]
 
 
 @dataclass(eq=False)

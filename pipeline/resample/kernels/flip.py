@@ -103,8 +103,10 @@ def turns_beyond(dot: float, cosine: float, m: float, n: float) -> bool:
 
 @kernel(_PAIR(MESH_ARRAYS, LIMITS, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
 def wrong_by_flip(mesh: MeshArrays, limits: Limits, a: int, b: int, c: int, d: int) -> tuple[int, int]:
-    """Return how many more faces look inwards at rest, and how many more oppose their normals, once the edge
-    ab, between c and d, is flipped."""
+    """Return how many more faces look inwards at rest, and oppose their normals, once an edge is flipped.
+
+    The edge is ab, between c and d.
+    """
     at_rest, attributes = 0, mesh.attributes
     if limits.rest_column >= 0:
         at_rest += is_inverted(attributes, limits, a, d, c) + is_inverted(attributes, limits, b, c, d)
