@@ -161,7 +161,7 @@ class InContact(Sequence):
 
     def _meet_other(self, obstacle: Obstacle, points: Floats, time: float, softness: float) -> Meeting:
         """Return how the subject, with points (N, 3), meets another one. Raises FrameError as `_meet`."""
-        axes, heights = obstacle.axes, obstacle.heights(time, 1.0 / softness)
+        axes, heights = obstacle.relief(time, 1.0 / softness)
         seen = points @ axes.T
         above = seen[:, 1] - heights.at(seen)
         gap = float(above.min())

@@ -163,6 +163,37 @@ def test_a_flat_top_is_flat_up_to_near_its_edges_and_as_high_as_it_is(turn):
     assert np.abs(heights.at(outside)).max() < 1e-9
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(sorted(SHAPES)), st.tuples(*[st.floats(-2.0, 2.0)] * 3))
+def test_moved_heights_are_those_of_the_moved_subject(shape, by):
+    mesh = SHAPES[shape]
+    heights = Heights.of(mesh.vertices, mesh.faces, 1.0)
+    seen = np.random.default_rng(1).uniform(-1.5, 1.5, (100, 3))
+    moved = heights.moved(np.array(by)).at(seen + by)
+    assert np.abs(moved - by[1] - heights.at(seen)).max() < 1e-9
+
+
+TURN = "{rotation: {axis: y, speed: 60}}, {translation: {rate: [0.1, -0.2, 0.3]}}"
+
+TILT = "{rotation: {axis: z, speed: 60}}"
+
+BEND = "{bend: {amount: {keys: {1: 0, 13: 40}}}}"
+
+
+@pytest.mark.parametrize("flows, turns", [(TURN, True), (TILT, False), (BEND, False)])
+def test_a_relief_fits_the_subject_and_turns_with_one_that_turns_about_the_side_it_is_met_from(
+    tmp_path, flows, turns
+):
+    ball = shot_of(tmp_path, block=f", flows: [{flows}]").of_subject("ball")
+    (obstacle,) = ball.motion.flow.members[0].obstacles
+    for time in (0.1, 0.4):
+        axes, heights = obstacle.relief(time, 1.0 / 0.7)
+        seen = obstacle.surface.points(time) @ axes.T
+        again = Heights.of(seen, obstacle.surface.mesh.faces, 1.0 / 0.7)
+        assert np.abs(heights.at(seen) - again.at(seen)).max() < 1e-5
+        assert (np.abs(axes - obstacle.axes).max() > 0.05) == turns
+
+
 def test_far_from_the_other_subject_nothing_moves():
     press = press_of("block", (0.0, 1.0, 0.0), 0.5, 0.4, True)
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 3)) * 0.5
