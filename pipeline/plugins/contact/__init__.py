@@ -4,6 +4,6 @@ from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="contact",
-    version="6",
+    version="5",
     flows={"contact": "flowsculpt.pipeline.plugins.contact.contact_document:ContactDocument"},
 )

@@ -343,3 +343,48 @@ def test_validate_warns_where_a_later_entry_pushes_the_subject_into_what_an_earl
     ball = read_shot(tmp_path / "A010_entries.yaml").of_subject("ball")
     (sinks,) = [said for said, is_warning in ball.motion.flow.findings() if is_warning]
     assert "thousandths of its height into block" in sinks
+
+
+def test_validate_warns_once_of_what_sinks_in_where_another_entry_follows(tmp_path):
+    wall = "  wall: {solid: box, size: [0.4, 4, 4], place: [1, 0, 0]}\n"
+    entries = "{others: [block, wall]}\n      - contact: {floor: -3}"
+    text = TOGETHER.replace("BLOCK", "").replace("CONTACT", entries).replace("  ball:", f"{wall}  ball:")
+    text = text.replace("[0.2, 0.7, 0.1]", "[0, 0.7, 0]").replace("1: [0, -1.4, 0]", "1: [0.4, -1.4, 0]")
+    (tmp_path / "A010_once.yaml").write_text(text, encoding="utf-8")
+    ball = read_shot(tmp_path / "A010_once.yaml").of_subject("ball")
+    sinks = [said for said, _ in ball.motion.flow.findings() if "into block" in said]
+    assert len(sinks) == 1
+
+
+COPIES = """
+title: Copies
+frames: 1-13
+subjects:
+  drops:
+    solid: icosphere
+    radius: 0.4
+    copies: {count: 6, RIGIDlayout: {grid: {cells: [3, 2, 1], spacing: [1.2, 1.2, 0]}}}
+    flows:
+      - translation: {rate: {ease: linear, keys: {1: [0, -1, 0], 13: [0, -1, 0]}}}
+      - contact: {floor: -1.2, softness: 0.6}
+resample: {max_edge_length: 0.12}
+"""
+
+
+def test_copies_are_pressed_by_the_lowest_of_all_and_none_is_flattened(tmp_path):
+    (tmp_path / "A010_copies.yaml").write_text(COPIES.replace("RIGID", ""), encoding="utf-8")
+    drops = read_shot(tmp_path / "A010_copies.yaml").of_subject("drops")
+    first, *_, last = (frame.mesh for frame in animate(drops))
+    assert -0.001 * 2.0 < last.vertices[:, 1].min() + 1.2 < 0.002
+    lower = last.vertices[last.vertices[:, 1] < -0.4]
+    assert 0.35 < float(np.ptp(lower[:, 1])) < 0.7
+    assert volume(last) == pytest.approx(volume(first), rel=0.01)
+    ((said, is_warning),) = drops.motion.flow.findings()
+    assert not is_warning and "is pressed by up to 150" in said
+
+
+def test_rigid_copies_in_contact_are_refused(tmp_path):
+    (tmp_path / "A010_copies.yaml").write_text(COPIES.replace("RIGID", "rigid: true, "), encoding="utf-8")
+    drops = read_shot(tmp_path / "A010_copies.yaml").of_subject("drops")
+    with pytest.raises(FlowsculptError, match="drops has rigid copies"):
+        list(drops.motion.flow.findings())
