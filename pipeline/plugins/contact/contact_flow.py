@@ -204,6 +204,9 @@ class InContact(Sequence):
                 False,
             )
             yield from self._sinking(meetings, ends)
+            if least < -SINKING and self.contact.keep_volume and self.earlier.of_copies is not None:
+                fact = f"copies are squashed about one axis: {name} draws those beside it outwards"
+                yield f"contact: {fact}. Write keep_volume: false.", True
             if least > FLOATING:
                 yield self._floating(name, least, min(gaps)), True
 
