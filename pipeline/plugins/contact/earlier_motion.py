@@ -39,12 +39,13 @@ class MovedPoints:
     A state depends on its time alone: steps begin at time 0, and the last one ends at the time asked for, so
     that nothing after it matters.
 
+    rest    the points (N, 3) at rest; None are those of `rest_points`
     states  the points at multiples of STEP seconds
     """
 
-    def __init__(self, flow: Flow) -> None:
+    def __init__(self, flow: Flow, rest: Floats | None = None) -> None:
         self.flow = flow
-        self.states: dict[int, Floats] = {}
+        self.states: dict[int, Floats] = {} if rest is None else {0: np.ascontiguousarray(rest)}
 
     def rest_points(self) -> Floats:
         """Return the points (N, 3) at rest, the same in every run."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flowsculpt import Flow, FrameError
+from flowsculpt import FrameError
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.contact.earlier_motion import (
     FINENESS,
@@ -30,28 +30,17 @@ RIGID = 1e-6
 SIDES = np.concatenate([np.eye(3)[[1, 0, 2]], -np.eye(3)[[1, 0, 2]]])
 
 
-class SomePoints(MovedPoints):
-    """Vertices of a mesh, SAMPLES at most, moved by a flow."""
+def rigid_motion(rest: Floats, now: Floats) -> tuple[Floats, Floats] | None:
+    """Return the turn (3, 3) and the shift (3,) that take points (N, 3) to others; None if no motion does.
 
-    def __init__(self, flow: Flow, vertices: Floats) -> None:
-        super().__init__(flow)
-        self.vertices = vertices[:: -(-len(vertices) // SAMPLES)]
-
-    def rest_points(self) -> Floats:
-        return np.ascontiguousarray(self.vertices)
-
-    def rigid_motion(self, time: float) -> tuple[Floats, Floats] | None:
-        """Return the turn (3, 3) and the shift (3,) that take the points to a time; None if no motion does.
-
-        The turn is that of the least squares (Kabsch 1976).
-        """
-        rest, now = self.points(0.0), self.points(time)
-        left, _, right = np.linalg.svd((now - now.mean(axis=0)).T @ (rest - rest.mean(axis=0)))
-        left[:, 2] *= np.sign(np.linalg.det(left @ right))
-        turn = left @ right
-        shift = now.mean(axis=0) - turn @ rest.mean(axis=0)
-        apart = np.abs(rest @ turn.T + shift - now).max()
-        return (turn, shift) if apart < RIGID * np.ptp(rest, axis=0).max() else None
+    The turn is that of the least squares (Kabsch 1976).
+    """
+    left, _, right = np.linalg.svd((now - now.mean(axis=0)).T @ (rest - rest.mean(axis=0)))
+    left[:, 2] *= np.sign(np.linalg.det(left @ right))
+    turn = left @ right
+    shift = now.mean(axis=0) - turn @ rest.mean(axis=0)
+    apart = np.abs(rest @ turn.T + shift - now).max()
+    return (turn, shift) if apart < RIGID * np.ptp(rest, axis=0).max() else None
 
 
 class OtherSurface(MovedPoints):
@@ -68,9 +57,9 @@ class OtherSurface(MovedPoints):
         return self.motion.mesh_at_rest(size / FINENESS)
 
     @cached_property
-    def samples(self) -> SomePoints:
-        """Some of its vertices, which tell whether it keeps its shape."""
-        return SomePoints(self.flow, self.mesh.vertices)
+    def samples(self) -> MovedPoints:
+        """Up to SAMPLES of its vertices, which tell whether it keeps its shape."""
+        return MovedPoints(self.flow, self.mesh.vertices[:: -(-len(self.mesh.vertices) // SAMPLES)])
 
     def rest_points(self) -> Floats:
         return np.ascontiguousarray(self.mesh.vertices)
@@ -140,7 +129,8 @@ class Obstacle:
         at = time if self.surface.flow.members else 0.0
         key = (at, fall)
         if key not in self.known:
-            axes, mesh, rigid = self.axes, self.surface.mesh, at and self.surface.samples.rigid_motion(at)
+            axes, mesh, some = self.axes, self.surface.mesh, self.surface.samples
+            rigid = at and rigid_motion(some.points(0.0), some.points(at))
             if rigid and np.abs(rigid[0] @ axes[1] - axes[1]).max() < RIGID:
                 axes = axes @ rigid[0].T
                 heights = self.relief(0.0, fall)[1].moved(axes @ rigid[1])
