@@ -24,10 +24,7 @@ ROUNDING = 1e-9
 SAMPLES = 512  # points on faces, and as many vertices at most
 
 OF_COPIES = 8
-"""How many times as many vertices may be kept of a subject with copies."""
-
-FINENESS = 32
-"""Edges of a solid along its longest side, of others and of copies; models are as their files have them."""
+"""How many times as many vertices may be kept of copies, and edges along the longest side of each."""
 
 MARGIN = 0.0005
 """How far below a floor points that lie between the samples may come, of the subject's height."""
@@ -116,7 +113,7 @@ class EarlierMotion(MovedPoints):
         if self.of_copies is not None:
             if self.of_copies.is_rigid:
                 raise FrameError(f"contact squashes, and {self.name} has rigid copies. Leave rigid out.")
-            copies = self.of_copies.mesh_at_rest(float(np.ptp(vertices, axis=0).max()) / FINENESS)
+            copies = self.of_copies.mesh_at_rest(float(np.ptp(vertices, axis=0).max()) / OF_COPIES)
             vertices, faces, most = copies.vertices, copies.faces, OF_COPIES * SAMPLES
         order = np.argsort(vertices[:, 1], kind="stable")
         kept = np.ascontiguousarray(vertices[order[:: -(-len(order) // most)]])

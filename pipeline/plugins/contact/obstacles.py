@@ -12,17 +12,14 @@ import numpy as np
 
 from flowsculpt import FrameError
 from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.plugins.contact.earlier_motion import (
-    FINENESS,
-    SAMPLES,
-    STEP,
-    EarlierMotion,
-    MovedPoints,
-)
+from flowsculpt.pipeline.plugins.contact.earlier_motion import SAMPLES, STEP, EarlierMotion, MovedPoints
 from flowsculpt.pipeline.plugins.contact.heights import Heights
 
 if TYPE_CHECKING:
     from flowsculpt.api.shots import Motion
+
+FINENESS = 32
+"""Edges of a solid along its longest side; models are as their files have them."""
 
 RIGID = 1e-6
 """Of a subject's size: how far its points may be from where a rigid motion takes them."""
