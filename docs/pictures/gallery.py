@@ -24,7 +24,7 @@ HERE = Path(__file__).parent / "gallery"
 STILLS = {
     "A010_cube": 64,
     "A020_lorenz": 64,
-    "A030_taffy": 96,
+    "A030_taffy": 80,
     "B010_honey": 121,
     "B020_inks": 92,
     "B030_marble": 141,
