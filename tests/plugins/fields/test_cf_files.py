@@ -145,6 +145,29 @@ def test_missing_numbers_stop_what_is_there(tmp_path: Path) -> None:
         assert not velocity_at(samples, *place).any(), place
 
 
+def test_ends_of_valid_numbers_are_unpacked_where_they_are_floats(tmp_path: Path) -> None:
+    data = packed(dataset())
+    expected = read(data, tmp_path).velocities(0)
+    for name in ("uo", "vo"):  # of packed numbers from -2000 to 3000
+        data[name].attrs["valid_range"] = np.array([-1.0, 5.0], "f4")
+    np.testing.assert_array_equal(read(data, tmp_path).velocities(0), expected)
+    data["vo"].attrs["valid_range"] = np.array([-1000, 1000], "i2")
+    samples = read(data, tmp_path)
+    assert velocity_at(samples, 12.0, 51.5).any() and not velocity_at(samples, 13.5, 51.5).any()
+    data["vo"].attrs["valid_range"] = np.array([1.0])
+    with pytest.raises(UsageError, match="valid_range that is not numbers"):
+        read(data, tmp_path).velocities(0)
+
+
+@pytest.mark.parametrize("fill", [-999.9, 1e20])
+def test_a_fill_value_in_double_precision_is_that_of_floats(tmp_path: Path, fill: float) -> None:
+    data = dataset()
+    for name in ("uo", "vo"):
+        data[name][:, 4, 2] = fill
+        data[name].attrs["missing_value"] = np.float64(fill)
+    assert not velocity_at(read(data, tmp_path), 11.0, 52.0).any()
+
+
 def test_a_velocity_of_0_is_there_though_zarr_fills_with_0(tmp_path: Path) -> None:
     data = dataset()
     data["uo"].encoding = data["vo"].encoding = {"_FillValue": 0.0}
@@ -303,6 +326,14 @@ def test_heights_stand_up_and_are_exaggerated(tmp_path: Path) -> None:
     assert surface.surface is None and samples.surface == ("depth", 0)
     assert surface.digest(0) != read(data, tmp_path, Placing(up="y"), at=(("depth", 0),)).digest(0)
     assert np.ptp(section.axes[2]) > 1e6 and section.velocities(0).shape == (9, 3, 2, 3)
+
+
+def test_numbers_below_0_of_an_axis_of_depths_go_down_and_a_note_says_so(tmp_path: Path) -> None:
+    data = dataset().isel(time=0).expand_dims(Z=[-5.0, -15.0, -30.0]).copy()
+    data["Z"].attrs = {"units": "m", "positive": "down", "standard_name": "depth"}  # as MITgcm writes it
+    samples, notes = cf_samples((save(data, tmp_path / "a.nc"),), Selection(), Placing())
+    np.testing.assert_allclose(samples.axes[1], [-30.0, -15.0, -5.0])
+    assert samples.surface == ("Z", 0) and any("numbers below 0 do so too" in note for note in notes)
 
 
 def test_pressures_are_heights_of_the_standard_atmosphere(tmp_path: Path) -> None:

@@ -80,6 +80,14 @@ def test_a_file_without_a_velocity_says_what_it_lacks(ocean: Path) -> None:
     assert "zos" in said and "no variables are velocities" in said
 
 
+def test_a_number_that_no_velocity_has_is_reported_below_what_the_file_holds(ocean: Path) -> None:
+    with xarray.open_dataset(ocean, engine="h5netcdf", decode_cf=False) as data:
+        data.load()["uo"][:, 1, 1] = 1e20
+        data.to_netcdf(ocean.parent / "filled.nc", engine="h5netcdf")
+    said = output_of(str(ocean.parent / "filled.nc"))
+    assert "zos" in said and "samples must be finite" in said and "a shot of it" not in said
+
+
 def test_sequences_and_their_arrays_are_listed_as_shots_name_them(tmp_path: Path) -> None:
     numbers, places = np.linspace(0, 1, 8), '<DataArray type="Float64" Name="{}" NumberOfComponents="{}">{}'
     arrays = [
