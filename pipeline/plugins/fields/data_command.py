@@ -119,6 +119,7 @@ def _times(header: FileHeader) -> dict[str, Any] | None:
         return None
     return {
         "count": len(times),
+        "since": units.since,
         "first": units.date(float(times[0])),
         "last": units.date(float(times[-1])),
         "calendar": units.calendar,
@@ -153,7 +154,7 @@ def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
         "groups": [],
         "velocity": {"xyz": vectors[0] if len(vectors) == 1 else "velocity"},
         "extents": {name: _extent(name, axis, "") for name, axis in zip("xyz", samples.axes, strict=True)},
-        "times": {"count": len(times), "first": "", "last": "", "calendar": "", "interval": 0.0}
+        "times": {"count": len(times), "since": "", "first": "", "last": "", "calendar": "", "interval": 0.0}
         | {"seconds": float(times[-1] - times[0])},
         "missing": {},
         "notes": list(notes),
@@ -186,6 +187,10 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
         lines.append(f"{name}: {extent['axis']}, {span}, {extent['nodes']} nodes")
     if times := facts["times"]:
         dates = f", {times['first']} to {times['last']} ({times['calendar']})" if times["first"] else ""
+        if times["since"] and not dates:
+            dates = (
+                f", without dates, since '{times['since']}' is not one that can be read ({times['calendar']})"
+            )
         if times["first"].startswith("-"):
             first, last = (times[end][2:7] for end in ("first", "last"))
             dates = f", {first} to {last} of any year: they are means over years"

@@ -388,6 +388,17 @@ def test_variables_groups_and_members_can_be_named(tmp_path: Path) -> None:
     assert velocity_at(samples, 12.0, 51.5)[0] == pytest.approx(7.0)
 
 
+def test_groups_of_a_zarr_store_are_named_where_the_first_has_no_variables(tmp_path: Path) -> None:
+    store = save(dataset(), tmp_path / "a.zarr", group="ocean/daily")
+    with pytest.raises(UsageError, match="and others have: ocean/daily; write group: ocean/daily"):
+        cf_samples((store,), Selection(), Placing())
+    assert cf_samples((store,), Selection(group="ocean/daily"), Placing())[0].times.tolist() == [
+        0,
+        3600,
+        7200,
+    ]
+
+
 def curvilinear(data: Any) -> Any:
     two = np.meshgrid(LON, LAT)
     dims = ("y", "x")
