@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flowsculpt import FrameError, MissingInputError, UsageError
+from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.flows import Sampled
 from flowsculpt.api.frames import Show
@@ -34,9 +34,6 @@ GLOBE = 0.9
 HEIGHT = 0.22
 """Least height of data with levels, in their size: an atmosphere as it is would be as thin as paper."""
 
-UNLIKELY = 200.0
-"""Times the median that the end of the palette may be before a remark says so."""
-
 COLOURS = ["#2c5c9e", "#2b9fa0", "#9ccd74", "#ffdc62"]
 """A palette whose dark end, too, stands out before the dark stage."""
 
@@ -46,6 +43,7 @@ _LINES, _LINES_OF_GLOBE, _PATHS = 800, 1000, 360
 _DENSER = 3.0  # times as many lines over data of one level, at most, where others would begin on land
 _PLATE = 1.06  # sides of the plate below data of one level, over theirs
 _ONE_WAY = 0.8  # share of what crosses a plane, less what returns, from which paths begin where it enters
+_UNLIKELY = 200.0  # times the median that speeds at the end of the palette are
 _BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
 
 SHOT = """\
@@ -150,7 +148,7 @@ def shot_of_data(
 
     shot = read_shot(Path(f"{name}.yaml"), text_with(str(data.absolute())))  # shots/ may not be there yet
     remarks = [f"{data} stays where it is; the shot names it {reference}", *shot.notes]
-    if seen.fastest > UNLIKELY * seen.median:
+    if seen.fastest > _UNLIKELY * seen.median:
         remarks.append(
             f"{data}: {100.0 - _BRIGHT:g}% of the speeds are over {seen.fastest / seen.median:.3g} times the "
             "median; if a number such as -999 marks what is missing, name it in _FillValue"
@@ -312,23 +310,13 @@ def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
         ends = np.array([[axis[0], axis[-1]] for axis in samples.axes]).T * scale + centre
         low, high = ends.min(axis=0), ends.max(axis=0)
         flat = _flat(high - low)
-        if (
-            sum(
-                len(axis) == 2 and np.ptp(axis) > FLAT * min(map(np.ptp, samples.axes))
-                for axis in samples.axes
-            )
-            > 1
-        ):
-            raise UsageError(
-                f"{data}: its velocities change along one axis alone. Choose data with two or three."
-            )
+        least = min(map(np.ptp, samples.axes))
+        if sum(len(axis) == 2 and np.ptp(axis) > FLAT * least for axis in samples.axes) > 1:
+            raise UsageError(f"{data}: its velocities change along one axis alone. Choose other data.")
     if flat is not None:
         low[flat], high[flat] = 0.0, 0.0
     nodes = _around(0.5 * FIT) if is_globe else _nodes(low, high)
-    try:
-        speeds = np.linalg.norm(field.velocity(nodes, 0.0), axis=1)
-    except FrameError as error:  # of its first time
-        raise UsageError(str(error)) from None
+    speeds = np.linalg.norm(field.velocity(nodes, 0.0), axis=1)
     sides = np.radians(np.arange(-180, 180, 15))
     seen_of = np.maximum(nodes @ np.stack([np.sin(sides), 0.0 * sides, np.cos(sides)]), 0.0)
     azimuth = round(np.degrees(sides[np.argmax(speeds @ seen_of)]))

@@ -198,10 +198,8 @@ class TimeUnits:
                 begin = cftime.num2date(0, f"days since {other.since}", other.calendar)
                 return float(cftime.date2num(begin, f"seconds since {self.since}", self.calendar))
         except (ValueError, OverflowError):
-            raise ConventionError(
-                f"one of {self.since!r} and {other.since!r} is not a date of its calendar, {self.calendar}; "
-                "write the units of both times since a date"
-            ) from None
+            fact = f"{self.since!r} or {other.since!r} is not a date of its calendar, {self.calendar}"
+            raise ConventionError(f"{fact}; correct the units of its times") from None
 
     def number_of(self, date: str) -> float:
         """Return the number of a date of ISO 8601 in the calendar of the file (needs cftime).

@@ -325,7 +325,7 @@ def _valid_ends(raw: np.ndarray, attributes: Mapping[str, Any]) -> tuple[float, 
         low, high = (float(end[0]) for end in ends)
     except (TypeError, ValueError, IndexError):
         raise ConventionError(
-            "a variable has a valid_min, valid_max or valid_range that is not numbers"
+            "a variable has a valid_min, valid_max or valid_range without numbers"
         ) from None
     if raw.dtype.kind in "iu" and any(end.dtype.kind == "f" and np.isfinite(end[0]) for end in ends):
         scale = attribute_number(attributes, "scale_factor", "a variable") or 1.0

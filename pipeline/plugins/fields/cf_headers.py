@@ -116,7 +116,7 @@ def convention_faults(path: Path) -> Iterator[None]:
     try:
         yield
     except ConventionError as error:
-        raise UsageError(f"{path}: {error}.") from None
+        raise UsageError(f"{path}: {error}{'' if str(error).endswith('?') else '.'}") from None
 
 
 def read_header(paths: tuple[Path, ...], selection: Selection) -> FileHeader:
@@ -139,6 +139,11 @@ class _HeaderReader:
     def header(self) -> FileHeader:
         names = self._names()
         axes = self._common_axes(names)
+        dimensions = {str(each) for name in names.values() for each in self.dataset.variables[name].dims}
+        for name, _ in self.selection.at if not self.selection.is_number else ():
+            if name not in dimensions:
+                hint = suggest(name, sorted(dimensions)).rstrip(".")
+                raise ConventionError(f"at names {name}, which is not a dimension of its velocities. {hint}")
         turned = set[str]()
         placed = {
             axis: self._coordinate(axis, axes[axis], turned) for axis in (EAST, NORTH, UP) if axis in axes
@@ -491,9 +496,7 @@ class _HeaderReader:
             )
         is_down = text(axis.attributes, "positive").lower() == "down" or standard.startswith("depth")
         if is_down and axis.values.min() < 0.0 >= axis.values.max():
-            self.notes.append(
-                f"{axis.coordinate} goes down by its attributes, and its numbers below 0 do so too"
-            )
+            self.notes.append(f"{axis.coordinate} is of depths, and its numbers below 0 go down too")
             is_down = False
         return (-1.0 if is_down else 1.0) * self._length(axis) * axis.values + 0.0  # no -0
 

@@ -83,11 +83,8 @@ def _stored(file: Path, files: tuple[Path, ...], group: str | None) -> dict[str,
     except FrameError as error:
         return facts | {"velocity": None, "problem": str(error).removeprefix(f"{files[0]}: ")}
     moving = _at_first(header, group, header.names.values())
-    facts |= {
-        "missing": {name: each["missing"] for name, each in moving.items()},
-        "speed": speed,
-        "fastest": most,
-    }
+    facts |= {"missing": {name: each["missing"] for name, each in moving.items()}}
+    facts |= {"speed": speed, "fastest": most}
     return facts | {"notes": list(header.notes), "ranges": _at_first(header, group, _for_colours(facts))}
 
 
@@ -188,9 +185,7 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
     if times := facts["times"]:
         dates = f", {times['first']} to {times['last']} ({times['calendar']})" if times["first"] else ""
         if times["since"] and not dates:
-            dates = (
-                f", without dates, since '{times['since']}' is not one that can be read ({times['calendar']})"
-            )
+            dates = f", without dates: '{times['since']}' cannot be read ({times['calendar']})"
         if times["first"].startswith("-"):
             first, last = (times[end][2:7] for end in ("first", "last"))
             dates = f", {first} to {last} of any year: they are means over years"

@@ -144,9 +144,8 @@ def groups_of(path: Path) -> list[str]:
 
         with _reported(path):
             items = zarr.open_group(path, mode="r").members(max_depth=4)
-            return sorted(
-                {name.rpartition("/")[0] for name, item in items if isinstance(item, zarr.Array)} - {""}
-            )
+            holders = {name.rpartition("/")[0] for name, item in items if isinstance(item, zarr.Array)}
+            return sorted(holders - {""})
     if engine_of(path) != "h5netcdf":
         return []
     require_packages(path, "h5netcdf")

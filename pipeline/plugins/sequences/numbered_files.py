@@ -47,7 +47,7 @@ def numbered_files(pattern: str, folder: Path) -> Mapping[int, Path]:
     if not found:
         also = "; a * stands for the number alone" if "*" in name else ""
         raise MissingInputError(
-            f"no file matches {shorten(pattern)} in {place}{also}. Correct the name or its #."
+            f"no file matches {shorten(pattern)} in {place}{also}. Correct its name or #."
         )
     return dict(sorted(found.items()))
 

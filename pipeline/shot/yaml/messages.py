@@ -389,13 +389,10 @@ def _message(details: ErrorDetails, where: Where, document: type[BaseModel], wri
     if kind in _BOUNDS:
         return f"{name}: {value} is out of range; it must be {_BOUNDS[kind]} {next(iter(context.values())):g}"
     if kind.endswith(("too_short", "too_long")):
-        least, each = (
-            "at least" if "short" in kind else "at most",
-            "character" if "string" in kind else "item",
-        )
-        count = plural(len(details["input"]), each) if details["input"] else "empty"
-        bound = int(context.get("min_length", context.get("max_length", 0)))
-        return f"{name}: {count}; it must have {least} {plural(bound, each)}"
+        each, given = "character" if "string" in kind else "item", details["input"]
+        count = plural(len(given), each) if given else "empty"
+        bound = plural(int(context.get("min_length", context.get("max_length", 0))), each)
+        return f"{name}: {count}; it must have at {'least' if 'short' in kind else 'most'} {bound}"
     if kind == "literal_error":
         return f"{name}: {_wrong_word(value, context['expected'], _other_forms(details['loc'], document))}"
     if kind in _WANTED:

@@ -155,7 +155,7 @@ def test_ends_of_valid_numbers_are_unpacked_where_they_are_floats(tmp_path: Path
     samples = read(data, tmp_path)
     assert velocity_at(samples, 12.0, 51.5).any() and not velocity_at(samples, 13.5, 51.5).any()
     data["vo"].attrs["valid_range"] = np.array([1.0])
-    with pytest.raises(UsageError, match="valid_range that is not numbers"):
+    with pytest.raises(UsageError, match="valid_range without numbers"):
         read(data, tmp_path).velocities(0)
 
 
@@ -333,7 +333,7 @@ def test_numbers_below_0_of_an_axis_of_depths_go_down_and_a_note_says_so(tmp_pat
     data["Z"].attrs = {"units": "m", "positive": "down", "standard_name": "depth"}  # as MITgcm writes it
     samples, notes = cf_samples((save(data, tmp_path / "a.nc"),), Selection(), Placing())
     np.testing.assert_allclose(samples.axes[1], [-30.0, -15.0, -5.0])
-    assert samples.surface == ("Z", 0) and any("numbers below 0 do so too" in note for note in notes)
+    assert samples.surface == ("Z", 0) and any("numbers below 0 go down too" in note for note in notes)
 
 
 def test_pressures_are_heights_of_the_standard_atmosphere(tmp_path: Path) -> None:
@@ -392,11 +392,8 @@ def test_groups_of_a_zarr_store_are_named_where_the_first_has_no_variables(tmp_p
     store = save(dataset(), tmp_path / "a.zarr", group="ocean/daily")
     with pytest.raises(UsageError, match="and others have: ocean/daily; write group: ocean/daily"):
         cf_samples((store,), Selection(), Placing())
-    assert cf_samples((store,), Selection(group="ocean/daily"), Placing())[0].times.tolist() == [
-        0,
-        3600,
-        7200,
-    ]
+    samples, _ = cf_samples((store,), Selection(group="ocean/daily"), Placing())
+    assert samples.times.tolist() == [0.0, 3600.0, 7200.0]
 
 
 def curvilinear(data: Any) -> Any:
@@ -650,6 +647,10 @@ NAMED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "an index beyond the end": ({"at": (("time", 3),)}, "at names index 3 of time, which has 3"),
     "a group that is not there": ({"group": "b"}, "it cannot be read"),
+    "a dimension that is not there": (
+        {"at": (("tine", 0),)},
+        "at names tine, which is not a dimension of its velocities. Did you mean 'time'\\?$",
+    ),
 }
 
 

@@ -170,7 +170,7 @@ def test_times_that_go_on_after_year_0_have_dates_with_a_year(calendar: str, day
 
 def test_a_date_that_cannot_be_read_is_refused_where_files_follow_one_another() -> None:
     one, other = (TimeUnits.of({"units": f"days since {day}"}, [0.0]) for day in ("2001-01-01", "then"))
-    with pytest.raises(ConventionError, match="one of '2001-01-01' and 'then' is not a date of its calendar"):
+    with pytest.raises(ConventionError, match="'2001-01-01' or 'then' is not a date of its calendar"):
         one.seconds_between(other)
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from flowsculpt import (
     DoubleGyre,
+    FrameError,
     Rotation,
     Streamlines,
     Sum,
@@ -314,6 +315,18 @@ def test_lines_are_closed_tubes_along_exact_points(kind: type[ReleasedLines], fl
     assert np.allclose(rings.mean(axis=1), points[row])
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     assert np.einsum("ij,ij->i", np.cross(a, b), c).sum() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "seconds"), [(1.0, 1e9), (1e9, 1.0), (math.inf, 1.0)], ids=["long", "fast", "infinite"]
+)
+@pytest.mark.parametrize("kind", [PathLines, StreakLines])
+def test_lines_that_need_too_many_steps_fail_at_once(
+    kind: type[ReleasedLines], speed: float, seconds: float
+) -> None:
+    lines = kind(UPRIGHT, Streamlines(Translation((speed, 0.0, 0.0))), 0.0, 3, LONGEST, 0.01)
+    with pytest.raises(FrameError, match=r"a second, which takes over 10,000 steps of 0\.1 units"):
+        lines.grow(seconds)
 
 
 def test_curves_of_seeds_go_through_their_points_at_an_even_pace() -> None:
