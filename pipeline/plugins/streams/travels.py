@@ -16,7 +16,7 @@ from flowsculpt.api.meshes import Floats
 SAME = 1e-12
 """Seconds up to which two times are one."""
 
-MOST_STEPS = 10_000  # to a frame, or to the end of streamlines
+MOST_STEPS = 30_000  # to a frame or the end of streamlines, were points as fast all the way
 _FASTER = 1.25  # than where its step begins a point may become, before its sub-steps are made finer
 _LOOKS = 0.0, 0.37, 0.71, 1.0
 """Shares of a step at which velocities are compared: if they are equal, they are so throughout."""
@@ -233,7 +233,9 @@ class Travel:
         It ends where velocities bend in time. Raises FrameError where too many steps or sub-steps are needed.
         """
         speed = self._fastest(leading)
-        if not (steps := abs(until - self.now) * speed / longest) <= MOST_STEPS:  # so neither if it is NaN
+        if not math.isfinite(speed):
+            raise FrameError(f"a velocity is {speed}; it must be finite. Guard it, for example by clamp.")
+        if (steps := abs(until - self.now) * speed / longest) > MOST_STEPS:
             raise FrameError(
                 f"points move {speed:.3g} units a second, which takes over {MOST_STEPS:,} steps of "
                 f"{longest:.3g} units. Raise max_edge_length, or write a shorter length or slower velocities."
