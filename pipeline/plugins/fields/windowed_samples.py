@@ -21,7 +21,7 @@ from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats, ModelFile
 from flowsculpt.pipeline.plugins.fields.scratch_arrays import ScratchArrays
 
-VERSION = 1
+VERSION = 2
 """Raised when equal files and settings give other velocities."""
 
 KEPT, KEPT_BYTES = 2, 1 << 28
