@@ -107,6 +107,34 @@ def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_
     assert kinds == {"half": ".inner"}
 
 
+BLOCKS = """
+from flowsculpt.pipeline.kernels import block_kernel
+
+@block_kernel
+def drift(numbers, count, x, y, z, t, u, v, w):
+    for i in range(count):
+        u[i] += numbers[0]
+"""
+
+COMPILE_BLOCKS = """
+from flowsculpt.render.base.numba_shortcuts import take_shortcuts
+take_shortcuts()
+import blocks
+assert blocks.drift.address
+"""
+
+
+@pytest.mark.slow
+def test_a_kernel_that_is_called_by_its_address_is_filed_as_optimised_machine_code(tmp_path: Path) -> None:
+    (tmp_path / "blocks.py").write_text(BLOCKS)
+    caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    command = [sys.executable, "-c", COMPILE_BLOCKS]
+    run = subprocess.run(command, env={**os.environ, **caches}, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    (filed,) = tmp_path.rglob("drift-*.kernel")
+    assert b"object" in filed.read_bytes() and b"bitcode" not in filed.read_bytes()
+
+
 @pytest.mark.slow
 def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None:
     inner = kernels_called_by_kernels()

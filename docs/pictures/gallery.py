@@ -22,9 +22,9 @@ from flowsculpt.pipeline.production.picture_sequences import white_level
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
-    "A010_cube": 66,
-    "A020_lorenz": 57,
-    "A030_taffy": 96,
+    "A010_cube": 64,
+    "A020_lorenz": 64,
+    "A030_taffy": 80,
     "B010_honey": 121,
     "B020_inks": 92,
     "B030_marble": 141,

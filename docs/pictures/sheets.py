@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 OUT = Path(__file__).parent
-TWISTS = ("--vary", "flows.1.twist.amount.keys.68=0:160:3", "--vary", "look=clay,glaze,chrome")
+TWISTS = ("--vary", "flows.1.twist.amount.keys.31=0:160:3", "--vary", "look=clay,glaze,chrome")
 SHEETS = {
     "wedge": ("wedge", "A010_cube", *TWISTS, "--at", "44"),
     "turntable": ("turntable", "A030_taffy", "--at", "44", "--frames", "8"),

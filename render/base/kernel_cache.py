@@ -210,6 +210,8 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
             return
         with suppress(OSError, MachineError):
             place = self._place(signature, result.codegen)
+            if place.suffix == ".kernel":  # so that machine code is filed, not what is yet to be optimised
+                result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
             content = dumps(result._reduce())
             with atomic_write(_written_folder() / place, flush=False) as draft:
                 draft.write_bytes(hashlib.sha256(content).digest() + content)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -90,6 +91,7 @@ def room_backdrop(kind: str, height: float) -> Mesh:
     return _sheet((-_FAR, -HIGH, back), (_FAR, -HIGH, back), (-_FAR, HIGH, back), (_FAR, HIGH, back))
 
 
+@lru_cache(maxsize=4)
 def props(kind: str, width: float, height: float, is_round: bool) -> Mesh | None:
     """Return what stands in a place and the subject on: plinths, boards, a table top; None for nothing."""
     if kind == "stair":
@@ -101,11 +103,11 @@ def props(kind: str, width: float, height: float, is_round: bool) -> Mesh | None
         return _refined(_pillar(half, _TABLE_THICKNESS, half if is_round else 1.6 * BEVEL))
     if kind == "shelf":
         rows = [k * height for k in range(-3, 4)]
-        board = _pillar(_SHELF_DEPTH, _BOARD_THICKNESS, 1.6 * BEVEL, _FAR)
+        board = _refined(_pillar(_SHELF_DEPTH, _BOARD_THICKNESS, 1.6 * BEVEL, _FAR))
         tall = 7.0 * height
         upright = _pillar(_SHELF_DEPTH, tall, 1.6 * BEVEL, 0.5 * _BOARD_THICKNESS)
         columns = [(k + 0.5) * width for k in range(-3, 3)]
-        boards = [_moved(_refined(board), (0.0, y, 0.0)) for y in rows]
+        boards = [_moved(board, (0.0, y, 0.0)) for y in rows]
         return joined([*boards, *(_moved(upright, (x, 3.5 * height, -0.02)) for x in columns)])
     return (
         _pillar(width / 2.0, height, width / 2.0 if is_round else 1.6 * BEVEL) if kind == "plinth" else None

@@ -100,6 +100,10 @@ def test_a_material_of_mitsuba_is_written_out_with_what_it_holds(folder: Path) -
         ),
         ("{material: clay, measure: {speed: {colours: virids}}}", "Did you mean 'viridis'?"),
         ("{material: clay, measure: {speed: {range: [2, 1]}}}", "the first is below the second"),
+        (
+            "{material: clay, measure: {values: {range: [-2%, 98%]}}}",
+            "range.0: '-2%' is not a percentage from 0% to 100%, such as 2%",
+        ),
         ("{material: clay, colour: [1, 1, 1], measure: {area: {}}}", "look has both colour and measure"),
         ("{material: glass, measure: {area: {}}}", "look has a measure, and light goes through glass"),
         ("{material: clay, colour: b.png}", "a.yaml:5:24: file b.png is not there"),

@@ -43,6 +43,7 @@ _LINES, _LINES_OF_GLOBE, _PATHS = 800, 1000, 360
 _DENSER = 3.0  # times as many lines over data of one level, at most, where others would begin on land
 _PLATE = 1.06  # sides of the plate below data of one level, over theirs
 _ONE_WAY = 0.8  # share of what crosses a plane, less what returns, from which paths begin where it enters
+_UNLIKELY = 200.0  # times the median that speeds at the end of the palette are
 _BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
 
 SHOT = """\
@@ -147,6 +148,11 @@ def shot_of_data(
 
     shot = read_shot(Path(f"{name}.yaml"), text_with(str(data.absolute())))  # shots/ may not be there yet
     remarks = [f"{data} stays where it is; the shot names it {reference}", *shot.notes]
+    if seen.fastest > _UNLIKELY * seen.median:
+        remarks.append(
+            f"{data}: {100.0 - _BRIGHT:g}% of the speeds are over {seen.fastest / seen.median:.3g} times the "
+            "median; if a number such as -999 marks what is missing, name it in _FillValue"
+        )
     if "at" in settings:
         level = to_yaml(settings["at"])
         remarks.append(
@@ -304,6 +310,9 @@ def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
         ends = np.array([[axis[0], axis[-1]] for axis in samples.axes]).T * scale + centre
         low, high = ends.min(axis=0), ends.max(axis=0)
         flat = _flat(high - low)
+        least = min(map(np.ptp, samples.axes))
+        if sum(len(axis) == 2 and np.ptp(axis) > FLAT * least for axis in samples.axes) > 1:
+            raise UsageError(f"{data}: its velocities change along one axis alone. Choose other data.")
     if flat is not None:
         low[flat], high[flat] = 0.0, 0.0
     nodes = _around(0.5 * FIT) if is_globe else _nodes(low, high)

@@ -92,6 +92,8 @@ def _numbered(path: Path) -> tuple[Path, list[int]] | None:
     written = [match[0] for match in found.values()]
     digits = min(map(len, [each for each in written if each[0] != "-"] or written))
     numbers = sorted(int(match[0]) for match in found.values())
+    if twice := [a for a, b in pairwise(numbers) if a == b]:
+        raise UsageError(f"{path} matches two files that are both number {twice[0]}. Remove one.")
     return path.parent / f"{before}{'#' * digits}{after}", numbers
 
 

@@ -56,7 +56,8 @@ class Contact(Flow):
     def cache_data(self, time: float, dt: float) -> Any:
         ends = [self.numbers(t) for t in (time, time + dt)]
         data = {"plugin": [PLUGIN.name, PLUGIN.version], "keep_volume": self.keep_volume, "ends": ends}
-        return {**data, "has_floor": self.has_floor, "side": self.side} if self.others else data
+        others = {"has_floor": self.has_floor, "side": self.side, "relief": 2}
+        return {**data, **others} if self.others else data
 
     def numbers(self, time: float) -> list[float | None]:
         """Return the height of the floor, None for the lowest point at the start, and the softness."""
@@ -128,8 +129,9 @@ class InContact(Sequence):
                 remedy = f"Write {' or '.join(known)}" if known else "Put it beside this one, under subjects"
                 raise UsageError(f"contact: the shot has no other subject {other}. {remedy}.")
             _require_no_circle((name, other), subjects)
-        obstacles = tuple(Obstacle(other, self.earlier, subjects, self.contact.side) for other in others)
-        return replace(self, obstacles=obstacles, meetings={})
+        earlier = EarlierMotion(self.earlier.subject, self.earlier.place, self.earlier.flow, name, subjects)
+        obstacles = tuple(Obstacle(other, earlier, subjects, self.contact.side) for other in others)
+        return replace(self, earlier=earlier, obstacles=obstacles, meetings={})
 
     def meetings_at(self, time: float) -> tuple[Meeting, ...]:
         """Return how it meets the others, in order, and the floor at a time.
@@ -161,7 +163,7 @@ class InContact(Sequence):
 
     def _meet_other(self, obstacle: Obstacle, points: Floats, time: float, softness: float) -> Meeting:
         """Return how the subject, with points (N, 3), meets another one. Raises FrameError as `_meet`."""
-        axes, heights = obstacle.axes, obstacle.heights(time, 1.0 / softness)
+        axes, heights = obstacle.relief(time, 1.0 / softness)
         seen = points @ axes.T
         above = seen[:, 1] - heights.at(seen)
         gap = float(above.min())
@@ -187,12 +189,12 @@ class InContact(Sequence):
 
     def findings(self) -> Iterator[tuple[str, bool]]:
         """Yield how far it rises above what it meets and is pressed; warn where it never touches that."""
-        yield from super().findings()
-        ends = [self._pressed_points(time) for time in self.contact.times]
-        for entry in self.flows:
-            if isinstance(entry, InContact):
-                for meetings in entry._meetings_of(self.contact.times):
-                    yield from self._sinking(meetings, ends)
+        yield from self._findings([self._pressed_points(time) for time in self.contact.times])
+
+    def _findings(self, ends: list[Floats]) -> Iterator[tuple[str, bool]]:
+        """Yield them, given the points (N, 3) of each time once the last of several entries has acted."""
+        for part in self.flows:
+            yield from part._findings(ends) if isinstance(part, InContact) else part.findings()
         for meetings in self._meetings_of(self.contact.times):
             gaps, name = [meeting.gap for meeting in meetings], meetings[0].with_what
             least, most = (1000.0 * gap / self.earlier.height for gap in (min(gaps), max(gaps)))
@@ -202,6 +204,9 @@ class InContact(Sequence):
                 False,
             )
             yield from self._sinking(meetings, ends)
+            if least < -SINKING and self.contact.keep_volume and self.earlier.of_copies is not None:
+                fact = f"copies are squashed about one axis: {name} draws those beside it outwards"
+                yield f"contact: {fact}. Write keep_volume: false.", True
             if least > FLOATING:
                 yield self._floating(name, least, min(gaps)), True
 
@@ -308,6 +313,8 @@ class Squashing(Flow):
 
     def cache_data(self, time: float, dt: float) -> Any:
         data = {"undoes": self.is_inverse, **self.whole.contact.cache_data(time, dt)}
+        if self.whole.earlier.of_copies is not None:
+            data["of"] = "all copies"
         if self.is_inverse or self.number == len(self.whole.obstacles):
             return data
         return {**data, "other": self.whole.obstacles[self.number].surface.cache_data(time, dt)}

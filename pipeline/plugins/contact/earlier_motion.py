@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flowsculpt import Flow
+from flowsculpt import Flow, FrameError
 from flowsculpt.api.meshes import Floats
 
 if TYPE_CHECKING:
-    from flowsculpt.api.shots import Subject
+    from flowsculpt.api.shots import Motion, Subject
 
 STEP = 1.0 / 24.0
 """Seconds from one stored state of the points to the next."""
@@ -21,6 +22,9 @@ ROUNDING = 1e-9
 """Seconds by which sums of steps may differ from a multiple of STEP."""
 
 SAMPLES = 512  # points on faces, and as many vertices at most
+
+OF_COPIES = 8
+"""How many times as many vertices may be kept of copies, and edges along the longest side of each."""
 
 MARGIN = 0.0005
 """How far below a floor points that lie between the samples may come, of the subject's height."""
@@ -32,12 +36,13 @@ class MovedPoints:
     A state depends on its time alone: steps begin at time 0, and the last one ends at the time asked for, so
     that nothing after it matters.
 
+    rest    the points (N, 3) at rest; None are those of `rest_points`
     states  the points at multiples of STEP seconds
     """
 
-    def __init__(self, flow: Flow) -> None:
+    def __init__(self, flow: Flow, rest: Floats | None = None) -> None:
         self.flow = flow
-        self.states: dict[int, Floats] = {}
+        self.states: dict[int, Floats] = {} if rest is None else {0: np.ascontiguousarray(rest)}
 
     def rest_points(self) -> Floats:
         """Return the points (N, 3) at rest, the same in every run."""
@@ -64,11 +69,28 @@ class MovedPoints:
 
 
 class EarlierMotion(MovedPoints):
-    """Vertices of a subject and points on its faces, moved by the flows before `contact`."""
+    """Vertices of a subject and points on its faces, of all its copies, moved by the flows before `contact`.
 
-    def __init__(self, subject: Subject, place: tuple[float, float, float], flow: Flow) -> None:
+    name     of the subject in its shot
+    motions  those of the shot's subjects, complete once the shot is read; none of a single subject
+    """
+
+    def __init__(
+        self,
+        subject: Subject,
+        place: tuple[float, float, float],
+        flow: Flow,
+        name: str = "",
+        motions: Mapping[str, Motion | None] | None = None,
+    ) -> None:
         super().__init__(flow)
-        self.subject, self.place = subject, place
+        self.subject, self.place, self.name, self.motions = subject, place, name, motions or {}
+
+    @property
+    def of_copies(self) -> Motion | None:
+        """The motion of a subject that has copies; None of others."""
+        motion = self.motions.get(self.name)
+        return motion if motion is not None and motion.copies is not None else None
 
     @property
     def margin(self) -> float:
@@ -82,11 +104,19 @@ class EarlierMotion(MovedPoints):
         return float(size[1] or size.max() or 1.0)
 
     def rest_points(self) -> Floats:
-        """Return vertices, the lowest ones among them, and points on faces, the same in every run."""
-        mesh = self.subject.body.build()
+        """Return vertices, the lowest ones among them, and points on faces, the same in every run.
+
+        Raises FrameError for rigid copies.
+        """
+        mesh, most = self.subject.body.build(), SAMPLES
         vertices, faces = mesh.vertices + np.array(self.place), mesh.faces
+        if self.of_copies is not None:
+            if self.of_copies.is_rigid:
+                raise FrameError(f"contact squashes, and {self.name} has rigid copies. Leave rigid out.")
+            copies = self.of_copies.mesh_at_rest(float(np.ptp(vertices, axis=0).max()) / OF_COPIES)
+            vertices, faces, most = copies.vertices, copies.faces, OF_COPIES * SAMPLES
         order = np.argsort(vertices[:, 1], kind="stable")
-        kept = np.ascontiguousarray(vertices[order[:: -(-len(order) // SAMPLES)]])
+        kept = np.ascontiguousarray(vertices[order[:: -(-len(order) // most)]])
         if not len(faces):
             return kept
         random = np.random.default_rng(1)

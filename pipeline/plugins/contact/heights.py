@@ -62,6 +62,17 @@ class Heights:
         head = [highest, fall, columns, rows, first_a, first_b, cell, *sides]
         return cls(np.concatenate([head, nodes.ravel()]))
 
+    def moved(self, by: Floats) -> Heights:
+        """Return the heights of the subject once it is moved by so much along a, up and b."""
+        from flowsculpt.pipeline.plugins.contact.height_kernels import CELL, FIRST, FLAT, HIGHEST, NODES
+
+        numbers = self.numbers.copy()
+        numbers[FIRST:CELL] += by[::2]
+        numbers[FLAT:NODES] += np.tile(by[::2], 2)
+        numbers[HIGHEST] += by[1]
+        numbers[NODES:] += by[1]
+        return Heights(numbers)
+
     def at(self, points: Floats) -> Floats:
         """Return the heights (N,) under points (N, 3), a, up and b."""
         from flowsculpt.pipeline.plugins.contact.height_kernels import write_heights

@@ -12,7 +12,7 @@ import numpy as np
 
 from flowsculpt import FrameError
 from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.plugins.contact.earlier_motion import STEP, EarlierMotion, MovedPoints
+from flowsculpt.pipeline.plugins.contact.earlier_motion import SAMPLES, STEP, EarlierMotion, MovedPoints
 from flowsculpt.pipeline.plugins.contact.heights import Heights
 
 if TYPE_CHECKING:
@@ -21,7 +21,23 @@ if TYPE_CHECKING:
 FINENESS = 32
 """Edges of a solid along its longest side; models are as their files have them."""
 
+RIGID = 1e-6
+"""Of a subject's size: how far its points may be from where a rigid motion takes them."""
+
 SIDES = np.concatenate([np.eye(3)[[1, 0, 2]], -np.eye(3)[[1, 0, 2]]])
+
+
+def rigid_motion(rest: Floats, now: Floats) -> tuple[Floats, Floats] | None:
+    """Return the turn (3, 3) and the shift (3,) that take points (N, 3) to others; None if no motion does.
+
+    The turn is that of the least squares (Kabsch 1976).
+    """
+    left, _, right = np.linalg.svd((now - now.mean(axis=0)).T @ (rest - rest.mean(axis=0)))
+    left[:, 2] *= np.sign(np.linalg.det(left @ right))
+    turn = left @ right
+    shift = now.mean(axis=0) - turn @ rest.mean(axis=0)
+    apart = np.abs(rest @ turn.T + shift - now).max()
+    return (turn, shift) if apart < RIGID * np.ptp(rest, axis=0).max() else None
 
 
 class OtherSurface(MovedPoints):
@@ -36,6 +52,11 @@ class OtherSurface(MovedPoints):
         """The mesh at rest."""
         size = float(np.ptp(self.motion.subject.body.build().vertices, axis=0).max())
         return self.motion.mesh_at_rest(size / FINENESS)
+
+    @cached_property
+    def samples(self) -> MovedPoints:
+        """Up to SAMPLES of its vertices, which tell whether it keeps its shape."""
+        return MovedPoints(self.flow, self.mesh.vertices[:: -(-len(self.mesh.vertices) // SAMPLES)])
 
     def rest_points(self) -> Floats:
         return np.ascontiguousarray(self.mesh.vertices)
@@ -64,7 +85,7 @@ class Obstacle:
     earlier: EarlierMotion
     subjects: Mapping[str, Motion | None] = field(repr=False)
     side: tuple[float, float, float] | None = None
-    known: dict[tuple[float, float], Heights] = field(default_factory=dict, repr=False)
+    known: dict[tuple[float, float], tuple[Floats, Heights]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def surface(self) -> OtherSurface:
@@ -96,11 +117,22 @@ class Obstacle:
         a /= np.linalg.norm(a)
         return np.array([a, up, np.cross(a, up)])
 
-    def heights(self, time: float, fall: float) -> Heights:
-        """Return its heights at a time; of one that no flow moves, the same at all times."""
+    def relief(self, time: float, fall: float) -> tuple[Floats, Heights]:
+        """Return the axes and the heights at a time; of one that no flow moves, the same at all times.
+
+        The heights of one that is carried, and turned about the direction that it is met from, are those at
+        the start, and its axes turn with it: so its relief keeps its shape, and takes less time.
+        """
         at = time if self.surface.flow.members else 0.0
         key = (at, fall)
         if key not in self.known:
-            points = self.surface.points(at) @ self.axes.T
-            self.known[key] = Heights.of(points, self.surface.mesh.faces, fall)
+            axes, mesh, some = self.axes, self.surface.mesh, self.surface.samples
+            rigid = at and rigid_motion(some.points(0.0), some.points(at))
+            if rigid and np.abs(rigid[0] @ axes[1] - axes[1]).max() < RIGID:
+                axes = axes @ rigid[0].T
+                heights = self.relief(0.0, fall)[1].moved(axes @ rigid[1])
+            else:
+                points = mesh.vertices @ rigid[0].T + rigid[1] if rigid else self.surface.points(at)
+                heights = Heights.of(points @ axes.T, mesh.faces, fall)
+            self.known[key] = axes, heights
         return self.known[key]

@@ -78,7 +78,11 @@ def squash(
     ax, az, spreads, undoes = p[5], p[6], p[7] > 0.0, p[8] > 0.0
     heights, room = carray(y, (count,)), np.empty((2, BLOCK))
     for first in range(0, count, BLOCK):
-        size = min(BLOCK, count - first)
+        size, near = min(BLOCK, count - first), 0
+        for i in range(first, first + size):
+            near += heights[i] < shape[0]
+        if near == 0:
+            continue
         rises, more = room[0, :size], room[1, :size]
         squash_block(shape, undoes, spreads, heights[first : first + size], rises, more)
         for i in range(size):

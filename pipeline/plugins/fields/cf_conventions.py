@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -122,7 +124,17 @@ def is_degrees(units: str) -> bool:
     return _DEGREES.fullmatch(units) is not None
 
 
-_YEAR_ZERO = re.compile(r"\s*0+(?=-)")
+_YEAR_ZERO = re.compile(r"0+(?=-)")
+_WITHOUT_YEAR_ZERO = ("standard", "gregorian", "julian")  # there it is the year -1
+
+
+@contextmanager
+def _quiet_cftime() -> Iterator[Any]:
+    """Give the module cftime, without its warnings about years that CF lacks and files have."""
+    import cftime
+
+    with warnings.catch_warnings(action="ignore"):
+        yield cftime
 
 
 @dataclass(frozen=True)
@@ -133,7 +145,7 @@ class TimeUnits:
     since     the date at 0 as the file writes it; empty where there is none
     calendar  by its name in CF
     units     as the file writes them
-    is_climatology  True if values are means over years (§7.4), also where their year is 0 (COARDS)
+    is_climatology  True if values are means over years (§7.4), also where all are in year 0 (COARDS)
     """
 
     seconds: float
@@ -143,14 +155,12 @@ class TimeUnits:
     is_climatology: bool = False
 
     @classmethod
-    def of(cls, attributes: Mapping[str, Any]) -> TimeUnits:
-        """Return the units of a time coordinate (§4.4). Raises ConventionError."""
+    def of(cls, attributes: Mapping[str, Any], times: Sequence[float]) -> TimeUnits:
+        """Return the units of a time coordinate, of ascending times (§4.4). Raises ConventionError."""
         units, calendar = text(attributes, "units"), text(attributes, "calendar").lower() or "standard"
+        calendar = "standard" if calendar == "utc" else calendar  # but for leap seconds, which cftime lacks
         unit, _, since = units.partition(" since ")
-        is_climatology = "climatology" in attributes
-        if _YEAR_ZERO.match(since):  # as COARDS marks means over years; year 0 is in no calendar
-            since, is_climatology = _YEAR_ZERO.sub("2001", since, count=1), True
-        name = unit.strip().lower()
+        name, since = unit.strip().lower(), since.strip()
         if re.fullmatch(r"months?|years?|common_years?|mon|yr", name):
             length = {"360_day": (30, 360), "noleap": (None, 365), "365_day": (None, 365)}.get(calendar)
             days = length[name[0] != "m"] if length else None
@@ -159,26 +169,37 @@ class TimeUnits:
                     f"its times are in {unit.strip()}, whose length changes in calendar {calendar}; write "
                     "them in days since a date"
                 )
-            return cls(86400.0 * days, since.strip(), calendar, units, is_climatology)
-        if name not in SECONDS:
+            seconds = 86400.0 * days
+        elif name in SECONDS:
+            seconds = SECONDS[name]
+        else:
             shown = f"{units!r} are not units of time" if units else "its times have no units"
             raise ConventionError(f"{shown}; write units such as 'days since 2000-01-01'")
         if calendar not in CALENDARS and since:
             raise ConventionError(
                 f"calendar {calendar!r} is unknown; CF has standard, noleap, 360_day and others"
             )
-        return cls(SECONDS[name], since.strip(), calendar, units, is_climatology)
+        is_climatology = "climatology" in attributes
+        if _YEAR_ZERO.match(since):  # as COARDS marks means over years; models begin in that year and go on
+            first, last = (seconds * times[k] / 86400.0 if times else 0.0 for k in (0, -1))
+            is_mean = first < 360.0 and last < 720.0
+            year = "2001" if is_mean else "-0001" if calendar in _WITHOUT_YEAR_ZERO else "0000"
+            since, is_climatology = _YEAR_ZERO.sub(year, since, count=1), is_climatology or is_mean
+        return cls(seconds, since, calendar, units, is_climatology)
 
     def seconds_between(self, other: TimeUnits) -> float:
         """Return the seconds from the date at 0 of these units to that of others (needs cftime)."""
         if self.since == other.since or not (self.since and other.since):
             return 0.0
-        import cftime
-
         if self.calendar != other.calendar:
             raise ConventionError(f"calendars {self.calendar} and {other.calendar} differ")
-        begin = cftime.num2date(0, f"days since {other.since}", other.calendar)
-        return float(cftime.date2num(begin, f"seconds since {self.since}", self.calendar))
+        try:
+            with _quiet_cftime() as cftime:
+                begin = cftime.num2date(0, f"days since {other.since}", other.calendar)
+                return float(cftime.date2num(begin, f"seconds since {self.since}", self.calendar))
+        except (ValueError, OverflowError):
+            fact = f"{self.since!r} or {other.since!r} is not a date of its calendar, {self.calendar}"
+            raise ConventionError(f"{fact}; correct the units of its times") from None
 
     def number_of(self, date: str) -> float:
         """Return the number of a date of ISO 8601 in the calendar of the file (needs cftime).
@@ -190,12 +211,11 @@ class TimeUnits:
             raise ConventionError(f"{date!r} is not a date; write one such as 2019-03-01 or 2019-03-01T06:00")
         if not self.since:
             raise ConventionError(f"its times ({self.units}) have no dates; write start in seconds")
-        import cftime
-
-        parts = [int(part or 0) for part in match.groups()]
+        parts, unit = [int(part or 0) for part in match.groups()], self.units.partition(" since ")[0]
         try:
-            found = cftime.datetime(*parts, calendar=self.calendar)
-            return float(cftime.date2num(found, self.units, self.calendar))
+            with _quiet_cftime() as cftime:
+                found = cftime.datetime(*parts, calendar=self.calendar)
+                return float(cftime.date2num(found, f"{unit} since {self.since}", self.calendar))
         except (ValueError, OverflowError):
             raise ConventionError(f"{date} is not a date of its calendar, {self.calendar}") from None
 
@@ -204,11 +224,10 @@ class TimeUnits:
 
         Means over years have `-` in place of the year (ISO 8601:2000, 5.2.1.3): `--01-16 12:00:00`.
         """
+        unit = self.units.partition(" since ")[0]
         try:
-            import cftime
-
-            unit = self.units.partition(" since ")[0]
-            date = cftime.num2date(number, f"{unit} since {self.since}", self.calendar)
+            with _quiet_cftime() as cftime:
+                date = cftime.num2date(number, f"{unit} since {self.since}", self.calendar)
         except (ImportError, ValueError, OverflowError):
             return ""
         if not self.since:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -384,6 +385,28 @@ def decoded(
     return values, missing
 
 
+def _valid_ends(raw: np.ndarray, attributes: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the least and the largest packed number that is not missing; infinite where none is given.
+
+    Ends that are floats, of packed integers, are those of unpacked numbers (NetCDF Users Guide, appendix A).
+    Raises ConventionError for ends that are not numbers.
+    """
+    single = [attributes.get("valid_min", -math.inf), attributes.get("valid_max", math.inf)]
+    given = list(np.atleast_1d(attributes["valid_range"])) if "valid_range" in attributes else single
+    ends = [np.asarray(end).reshape(-1) for end in given]
+    try:
+        low, high = (float(end[0]) for end in ends)
+    except (TypeError, ValueError, IndexError):
+        raise ConventionError(
+            "a variable has a valid_min, valid_max or valid_range without numbers"
+        ) from None
+    if raw.dtype.kind in "iu" and any(end.dtype.kind == "f" and np.isfinite(end[0]) for end in ends):
+        scale = attribute_number(attributes, "scale_factor", "a variable") or 1.0
+        offset = attribute_number(attributes, "add_offset", "a variable") or 0.0
+        low, high = sorted([(low - offset) / scale, (high - offset) / scale])
+    return low, high
+
+
 def missing_among(raw: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray | None:
     """Return where packed numbers are missing, bool; None where all are there."""
     fills = []
@@ -392,18 +415,17 @@ def missing_among(raw: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray 
             if isinstance(value, str | bytes | np.str_ | np.bytes_):
                 raise ConventionError(f"attribute {name} is {value!r}; it must be a number")
             if value != 0:  # the default of Zarr, where it is a velocity as any other
-                fills.append(value)
-    low, high = attributes.get("valid_min"), attributes.get("valid_max")
-    if "valid_range" in attributes:
-        low, high = np.asarray(attributes["valid_range"]).reshape(-1)[:2]
+                with np.errstate(over="ignore"):  # doubles are of the same decimals as floats of the data
+                    fills.append(raw.dtype.type(value) if raw.dtype.kind == "f" else value)
+    low, high = _valid_ends(raw, attributes)
 
     def missing_in(values: np.ndarray) -> np.ndarray:
         missing = ~(np.abs(values) < FILLED) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
         for value in fills:
             missing |= values == value
-        if low is not None:
+        if low > -math.inf:
             missing |= values < low
-        if high is not None:
+        if high < math.inf:
             missing |= values > high
         return missing
 

@@ -116,7 +116,7 @@ def convention_faults(path: Path) -> Iterator[None]:
     try:
         yield
     except ConventionError as error:
-        raise UsageError(f"{path}: {error}.") from None
+        raise UsageError(f"{path}: {error}{'' if str(error).endswith('?') else '.'}") from None
 
 
 def read_header(paths: tuple[Path, ...], selection: Selection) -> FileHeader:
@@ -139,6 +139,11 @@ class _HeaderReader:
     def header(self) -> FileHeader:
         names = self._names()
         axes = self._common_axes(names)
+        dimensions = {str(each) for name in names.values() for each in self.dataset.variables[name].dims}
+        for name, _ in self.selection.at if not self.selection.is_number else ():
+            if name not in dimensions:
+                hint = suggest(name, sorted(dimensions)).rstrip(".")
+                raise ConventionError(f"at names {name}, which is not a dimension of its velocities. {hint}")
         turned = set[str]()
         placed = {
             axis: self._coordinate(axis, axes[axis], turned) for axis in (EAST, NORTH, UP) if axis in axes
@@ -490,21 +495,22 @@ class _HeaderReader:
                 f"heights, or choose one: at: {{{axis.dimension}: 0}}"
             )
         is_down = text(axis.attributes, "positive").lower() == "down" or standard.startswith("depth")
+        if is_down and axis.values.min() < 0.0 >= axis.values.max():
+            self.notes.append(f"{axis.coordinate} is of depths, and its numbers below 0 go down too")
+            is_down = False
         return (-1.0 if is_down else 1.0) * self._length(axis) * axis.values + 0.0  # no -0
 
     def _times(self, axis: Axis | None) -> tuple[Floats, TimeUnits | None]:
         if axis is None:
             return np.empty(0), None
-        try:
-            units = TimeUnits.of(axis.attributes)
-        except ConventionError as error:
-            raise ConventionError(f"coordinate {axis.coordinate}: {error}") from None
         steps = np.diff(axis.values)
         if not (steps > 0).all():
             k = int(np.argmin(steps > 0))
-            twice = "the same" if steps[k] == 0 else "in the wrong order"
-            raise ConventionError(
-                f"times {k + 1} and {k + 2} ({axis.values[k]:g} and {axis.values[k + 1]:g} {units.units}) "
-                f"are {twice}; sort them, and remove one of two"
-            )
-        return axis.values, units
+            fault = "the same; remove one of them" if steps[k] == 0 else "in the wrong order; sort all times"
+            one, other = (f"{time:g}" for time in axis.values[k : k + 2])
+            units = text(axis.attributes, "units")
+            raise ConventionError(f"times {k + 1} and {k + 2} ({one} and {other} {units}) are {fault}")
+        try:
+            return axis.values, TimeUnits.of(axis.attributes, axis.values.tolist())
+        except ConventionError as error:
+            raise ConventionError(f"coordinate {axis.coordinate}: {error}") from None

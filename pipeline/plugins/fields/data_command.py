@@ -12,7 +12,7 @@ import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from flowsculpt import UsageError
+from flowsculpt import FrameError, UsageError
 from flowsculpt.api.commands import duration_words, empty_table, print_result
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import Common
@@ -78,16 +78,20 @@ def _stored(file: Path, files: tuple[Path, ...], group: str | None) -> dict[str,
         return facts | {"problem": str(error).removeprefix(f"{files[0]}: ")}
     facts |= {"velocity": header.names, "extents": _extents(header), "times": _times(header)}
     samples, _ = cf_samples(files, Selection(group=group), Placing())
-    speed = _typical_speed(samples.velocities(0))
+    try:
+        speed, most = _speeds(samples.velocities(0))
+    except FrameError as error:
+        return facts | {"velocity": None, "problem": str(error).removeprefix(f"{files[0]}: ")}
     moving = _at_first(header, group, header.names.values())
-    facts |= {"missing": {name: each["missing"] for name, each in moving.items()}, "speed": speed}
+    facts |= {"missing": {name: each["missing"] for name, each in moving.items()}}
+    facts |= {"speed": speed, "fastest": most}
     return facts | {"notes": list(header.notes), "ranges": _at_first(header, group, _for_colours(facts))}
 
 
-def _typical_speed(velocity: np.ndarray) -> float:
-    """Return the median of the speeds that are not 0, m/s; 0 where all are."""
+def _speeds(velocity: np.ndarray) -> tuple[float, float]:
+    """Return the median of the speeds that are not 0, and the largest, m/s; 0 where all are."""
     speed = np.linalg.norm(velocity, axis=-1)
-    return float(np.median(speed[speed > 0])) if speed.any() else 0.0
+    return (float(np.median(speed[speed > 0])), float(speed.max())) if speed.any() else (0.0, 0.0)
 
 
 def _extents(header: FileHeader) -> dict[str, Any]:
@@ -112,6 +116,7 @@ def _times(header: FileHeader) -> dict[str, Any] | None:
         return None
     return {
         "count": len(times),
+        "since": units.since,
         "first": units.date(float(times[0])),
         "last": units.date(float(times[-1])),
         "calendar": units.calendar,
@@ -146,7 +151,7 @@ def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
         "groups": [],
         "velocity": {"xyz": vectors[0] if len(vectors) == 1 else "velocity"},
         "extents": {name: _extent(name, axis, "") for name, axis in zip("xyz", samples.axes, strict=True)},
-        "times": {"count": len(times), "first": "", "last": "", "calendar": "", "interval": 0.0}
+        "times": {"count": len(times), "since": "", "first": "", "last": "", "calendar": "", "interval": 0.0}
         | {"seconds": float(times[-1] - times[0])},
         "missing": {},
         "notes": list(notes),
@@ -179,12 +184,16 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
         lines.append(f"{name}: {extent['axis']}, {span}, {extent['nodes']} nodes")
     if times := facts["times"]:
         dates = f", {times['first']} to {times['last']} ({times['calendar']})" if times["first"] else ""
+        if times["since"] and not dates:
+            dates = f", without dates: '{times['since']}' cannot be read ({times['calendar']})"
         if times["first"].startswith("-"):
             first, last = (times[end][2:7] for end in ("first", "last"))
             dates = f", {first} to {last} of any year: they are means over years"
         each = f", {duration_words(times['interval'])} apart" if times["interval"] else ""
         lines.append(f"times: {times['count']}{each}{dates}")
-    lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
+    if "speed" in facts:
+        median, most = facts["speed"], facts["fastest"]
+        lines.append(f"speed: {median:.3g} m/s at the first time (median), {most:.3g} at most")
     lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
     lines += facts["notes"]
     for name, seen in facts["ranges"].items():

@@ -308,7 +308,9 @@ def require_valid(file: Path, axes: list[np.ndarray], times: np.ndarray, velocit
                 f"{file}: axis {name} (shape {axis.shape}) must be a row of {least} or more ascending numbers"
             )
     wanted = (len(times), *(len(axis) for axis in axes), 3)
-    if velocity.shape != wanted or velocity.dtype.kind not in "fiu":
+    if velocity.dtype.kind not in "fiu":
+        raise UsageError(f"{file}: velocity holds {velocity.dtype}; it must be real numbers")
+    if velocity.shape != wanted:
         shown, first = velocity.shape, wanted
         if len(times) == 1 and len(shown) > 1 and shown[0] == 1:
             shown, first = shown[1:], wanted[1:]

@@ -162,8 +162,16 @@ def reported(path: Path) -> Iterator[None]:
 
 
 def groups_of(path: Path) -> list[str]:
-    """Return the names of the groups of a file of HDF5 that have variables; none for others."""
-    if path.is_dir() or engine_of(path) != "h5netcdf":
+    """Return the names of the groups within HDF5 or a Zarr store that have variables; none for others."""
+    if path.is_dir():
+        require_packages(path, "zarr")
+        import zarr
+
+        with _reported(path):
+            items = zarr.open_group(path, mode="r").members(max_depth=4)
+            holders = {name.rpartition("/")[0] for name, item in items if isinstance(item, zarr.Array)}
+            return sorted(holders - {""})
+    if engine_of(path) != "h5netcdf":
         return []
     require_packages(path, "h5netcdf")
     import h5py

@@ -23,7 +23,7 @@ from flowsculpt.pipeline.plugins.fields.chunked_times import TimeChunks, small_p
 from flowsculpt.pipeline.plugins.fields.grid_layout import Box
 from flowsculpt.pipeline.plugins.fields.scratch_arrays import ScratchArrays
 
-VERSION = 1
+VERSION = 2
 """Raised when equal files and settings give other velocities."""
 
 KEPT, KEPT_BYTES = 2, 1 << 28

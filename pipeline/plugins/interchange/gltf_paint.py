@@ -239,9 +239,11 @@ def _materials(path: Path) -> ModelMaterials:
     found: list[FileMaterial] = [painted(GREY, None)] * count
     for part in scene.parts:
         number, material = scene.material_of(part)
-        has_colours = "COLOR_0" in part.primitive.entry("attributes")
-        found[number] = _material(scene.document, material, files, has_colours)
+        attributes, (name, _) = part.primitive.entry("attributes"), scene.coordinates_of(part)
+        found[number] = _material(scene.document, material, files, "COLOR_0" in attributes)
         notes |= dict.fromkeys(_notes(material))
+        if name not in attributes and any(_textures_of(material)):
+            notes[f"{part.place} has no {name}, so its textures show as one colour"] = None
     is_default_used = any("material" not in part.primitive for part in scene.parts)
     return ModelMaterials(tuple(found if is_default_used else found[:-1]), files, tuple(notes))
 

@@ -128,7 +128,7 @@ def _face(path: Path, number: int) -> Any:
     if content[:4] in SFNT:
         _require_whole(path.name, content, number)
     face = hb.Face(hb.Blob(content), number)
-    if not face.glyph_count:
+    if not face.glyph_count or number >= face.count:
         have = "has no such face" if number else "is not a TrueType or OpenType font"
         raise UsageError(f"font {path.name} {have}. Choose another{', or face: 0' if number else ''}.")
     return face

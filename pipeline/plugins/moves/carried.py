@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ FASTEST = 0.95
 
 CHECKED, TIMES = 512, 64
 """Points and times, at most, at which a step is checked for parts that would meet."""
+
+FORESEEN, FINENESS = 128, 16
+"""Points, at most, that are checked before frames are made; edges of a solid along its longest side there."""
 
 MOST_TRIES, EXACT = 80, 1e-9
 """Tries to find the delay of a point, far more than any takes, and what it may be wrong by, s or units."""
@@ -97,11 +101,7 @@ class Carried(Sequence):
         moved = self.maps.apply(points, last - self._delays(points))
         if len(points) and last not in self._checked:  # new vertices of a frame come later, a few at a time
             self._checked.add(last)
-            some = slice(None, None, -(-len(points) // CHECKED))
-            self._require_apart(points[some], max(min(first, last), 0.0), max(first, last))
-            missed = np.abs(self.undone(moved[some], last) - points[some]).max(axis=1)
-            if not missed.max() < EXACT:
-                raise self._meeting(points[some][missed.argmax()], "another place arrives there too", 0.5)
+            self._require_apart(points[:: -(-len(points) // CHECKED)], first, last)
         return moved
 
     def undone(self, points: Floats, time: float) -> Floats:
@@ -164,8 +164,23 @@ class Carried(Sequence):
         places[found] = self._roots(points[found], time, low[found], high[found])
         return places
 
-    def _require_apart(self, some: Floats, first: float, last: float) -> None:
-        """Raise FrameError where, at some of points (N, 3), a part would pass one that is later than it."""
+    def findings(self) -> Iterator[tuple[str, bool]]:
+        """Yield those of the flows. Raises FrameError, of its frame, where parts would meet."""
+        yield from super().findings()
+        if not self.late.seconds:
+            return
+        mesh = self.subject.build(float(np.ptp(self._at_rest, axis=0).max()) / FINENESS)
+        points = mesh.vertices[:: -(-len(mesh.vertices) // FORESEEN)] + np.array(self.place)
+        for (_, before), (frame, time) in pairwise(self.late.moments):
+            points = Sequence(self.flows).displace(points, before, time - before)
+            try:
+                self._require_apart(points, before, time)
+            except FrameError as error:
+                raise error.of(frame) from None
+
+    def _require_apart(self, some: Floats, start: float, end: float) -> None:
+        """Raise FrameError where, at some of points (N, 3), a part would pass another in a step."""
+        first, last = max(min(start, end), 0.0), max(start, end)
         count = min(TIMES, math.ceil((last - first) * RATE - 1e-6))
         if count < 1:
             return
@@ -176,6 +191,10 @@ class Carried(Sequence):
         if not (worst := float(changes.max())) <= FASTEST:
             fact = f"what moves past there is late by {worst:.2f} s more each second"
             raise self._meeting(places[int(changes.argmax())], fact, 0.99 * FASTEST / worst)
+        moved = self.maps.apply(some, end - self._delays(some))
+        missed = np.abs(self.undone(moved, end) - some).max(axis=1)
+        if not missed.max() < EXACT:
+            raise self._meeting(some[missed.argmax()], "another place arrives there too", 0.5)
 
     def _meeting(self, place: Floats, fact: str, less: float) -> FrameError:
         """Return the error of parts that meet at a place (3,); a delay of `less` times as much would do."""

@@ -63,13 +63,11 @@ class AffineMap(KeyedMap):
         return points[:, :1] * a + points[:, 1:2] * b + points[:, 2:] * c + shift
 
     def undo(self, points: Floats, numbers: Floats) -> Floats:
-        a, b, c, shift = _columns(numbers)
-        across = np.cross(b, c), np.cross(c, a), np.cross(a, b)
-        from_shift = points - shift
-        return (
-            np.stack([(normal * from_shift).sum(axis=1) for normal in across], axis=1)
-            / ((a * across[0]).sum(axis=1)[:, None])
-        )
+        from flowsculpt.pipeline.plugins.moves.map_kernels import undo_affine  # not needed to read shots
+
+        found = np.empty((len(points), 3))
+        undo_affine(numbers, np.ascontiguousarray(points), found)
+        return found
 
 
 def _columns(numbers: Floats) -> Sequence[Floats]:
@@ -146,16 +144,10 @@ class MapSequence:
         if isinstance(times, float):
             numbers = np.array([self.exactly(max(times, 0.0))])
         else:
-            places = np.maximum(times, 0.0) * RATE
-            table, i = self.samples(float(times.max(initial=0.0))), places.astype(np.int64)
-            s = places - i
-            weights = (
-                s * (s * (2.0 - s) - 1.0),
-                2.0 + s * s * (3.0 * s - 5.0),
-                s * (1.0 + s * (4.0 - 3.0 * s)),
-            )
-            numbers = 0.5 * (s * s * (s - 1.0))[:, None] * table[i + 2]
-            for k, weight in enumerate(weights):
-                numbers += 0.5 * weight[:, None] * table[np.maximum(i + k - 1, 0)]
+            from flowsculpt.pipeline.plugins.moves.map_kernels import interpolate
+
+            table = self.samples(float(times.max(initial=0.0)))
+            numbers = np.empty((len(times), table.shape[1]))
+            interpolate(table, np.maximum(times, 0.0) * RATE, numbers)
         ends = np.cumsum([len(each.at(0.0)) for each in self.maps])
         return np.split(numbers, ends[:-1], axis=1)

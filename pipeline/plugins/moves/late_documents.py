@@ -58,7 +58,8 @@ class LateDocument(FlowParameters):
         reach = None if self.reach is None else float(self.reach)
         seconds = getattr(self, self.seconds_name)
         seconds = seconds if isinstance(seconds, str) else float(seconds)
-        return {"seconds": seconds, "leads": leads, "along": along, "reach": reach}
+        moments = tuple((frame, clock.flow_time(frame)) for frame in clock.frames)
+        return {"seconds": seconds, "leads": leads, "along": along, "reach": reach, "moments": moments}
 
 
 class MoveDocument(LateDocument):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -29,6 +29,7 @@ class LateFlow(Flow):
     leads    the place that is not late; None is `centre`
     reach    units; None is the distance of the farthest point at rest
     along    direction in which the distance counts, ahead alone; None is all
+    moments  numbers and times of all frames, for `findings`
     """
 
     seconds: float | str = 0.0
@@ -36,6 +37,7 @@ class LateFlow(Flow):
     reach: float | None = None
     along: Vector | None = None
     centre: Vector = (0.0, 0.0, 0.0)
+    moments: tuple[tuple[int, float], ...] = field(default=(), compare=False, repr=False)
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
         """Refuse to move points of which no subject is known."""

@@ -48,10 +48,14 @@ FrameCallback = Callable[[str, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Animatic:
-    """A shot that is drawn while its surfaces are computed."""
+    """A shot that is drawn while its surfaces are computed.
+
+    every  movies draw every so many frames, and hold each until the next
+    """
 
     sketch: Sketch
     stream: SurfaceStream
+    every: int = 1
 
     def still(self, number: int, path: Path, tell: FrameCallback) -> Framing:
         """Write a PNG and return its camera and stage.
@@ -74,9 +78,12 @@ class Animatic:
         return write_playblast(self.stream.store, path, self.sketch.request, self.pictures(tell), tell)
 
     def pictures(self, tell: FrameCallback) -> Iterator[Picture]:
-        """Draw the requested frames in ascending order, in the size and colours of a movie."""
-        framed = self._frame_pictures(set(self.sketch.request.requested), tell)
-        return self._pictures(framed, self.movie_size, "rec709")
+        """Yield the requested frames in ascending order, in the size and colours of a movie."""
+        numbers = sorted(set(self.sketch.request.requested))
+        framed, left = self._frame_pictures(set(numbers[:: self.every]), tell), len(numbers)
+        for picture in self._pictures(framed, self.movie_size, "rec709"):
+            yield from itertools.repeat(picture, min(self.every, left))
+            left -= self.every
 
     @property
     def movie_size(self) -> tuple[int, int]:
@@ -87,7 +94,7 @@ class Animatic:
         return [n for n in self.played({number}) if n <= number]
 
     def played(self, asked: Set[int]) -> list[int]:
-        """Return the frames that the requested ones and their cameras depend on, in a movie all simulated.
+        """Return the frames whose surfaces the requested ones and their cameras depend on.
 
         Cameras that are not known depend on neighbouring frames, and a camera that stands still on all.
         """
@@ -97,7 +104,8 @@ class Animatic:
         angles = sorted(request.angles)
         if request.shot.picture.camera.follow != 1.0 or request.pictures.is_round:
             return angles
-        return angles[: angles.index(max(asked)) + Framer.AHEAD + 1]
+        first, last = (angles.index(end(asked)) for end in (min, max))
+        return angles[max(0, first - Framer.AHEAD) : last + Framer.AHEAD + 1]
 
     def _frame_pictures(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
         request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
@@ -113,7 +121,11 @@ class Animatic:
             if known is None
             else ((n, known[n]) for n in played())
         )
-        return (each for each in framed if each[0] in asked)
+        for number, framing in framed:
+            if number in asked:
+                yield number, framing
+            else:
+                stream.drawn(request, number)  # only cameras depend on it
 
     def _pictures(self, framed: Iterator[Framed], size: tuple[int, int], display: str) -> Iterator[Picture]:
         first = next(framed)
@@ -297,7 +309,12 @@ def write_film_animatic(
     def shown(place: int) -> Iterator[Picture]:
         clip = clips[place]
         ready(clip)
-        yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
+        numbers = clip.sketch.request.requested
+        with clip.stream:  # let go with the last picture, after which nobody asks for more
+            pictures = _in_order(numbers, clip.pictures(tell))
+            yield from itertools.islice(pictures, len(numbers) - 1)
+            last = list(pictures)
+        yield from last
 
     screen, rate = replace(request.pictures.screen, picture=first.movie_size), edit.frame_rate
     frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8))

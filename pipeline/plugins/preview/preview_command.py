@@ -50,6 +50,15 @@ def preview(
         FrameRange | None,
         shared_option("frames", "Draw a movie of these frames: 1-48, 1-48x2, 1-24,30. Default: all."),
     ] = None,
+    every: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Draw every Nth frame of a movie, and hold it until the next.",
+            show_default=False,
+        ),
+    ] = 1,
     flow: Annotated[
         bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
     ] = False,
@@ -89,7 +98,7 @@ def preview(
     only; `flowsculpt simulate` stores meshes.
 
     `flowsculpt preview film` draws the film of shots/film.yaml, with cards, dissolves and sound, to
-    renders/film/preview.
+    renders/film/preview. With `--every 8` it draws every eighth frame; cuts and sound stay where they are.
 
     `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
     simulated. You can edit values, keys, camera and flows there, which changes the shot file. After each
@@ -108,6 +117,8 @@ def preview(
         raise UsageError("--osc is a port from 1 to 65535 for the live page; add --live")
     if at is not None and (live or watch):
         raise UsageError("--live and --watch show movies; leave --at out")
+    if every > 1 and (live or at is not None):
+        raise UsageError("--every is for movies in files; leave --at and --live out")
     fields = None if burn_in is None else BurnIn.parse(burn_in)
     if Show().names_edit(shot):
         if at is not None or frames is not None or live or watch:
@@ -115,7 +126,7 @@ def preview(
                 f"{shot} is an edit, always drawn whole; --at, -f, --live and --watch are for shots"
             )
         edit, requests = options.project(common).edit(DEFAULT_QUALITY, Show().find_edit(shot), variant="none")
-        _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], output)
+        _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], every, output)
         return
     path = Show().find_shot(shot)
 
@@ -129,7 +140,7 @@ def preview(
     sketch, store = read(), Store(common.root)
     target = output or common.root / sketch.path(at)
     if common.dry_run or not (live or watch):
-        _draw_once(common, sketch, store, at, target)
+        _draw_once(common, sketch, store, at, every, target)
         return
     make_folder(target.parent)
     with SurfaceStream(store) as stream:
@@ -137,16 +148,16 @@ def preview(
             editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
             _serve(common, read, stream, target, editor, (port, osc), not no_browser)
         else:
-            _redraw(common, read, stream, target, {path, *files_of(sketch.request.source)})
+            _redraw(common, read, stream, every, target, {path, *files_of(sketch.request.source)})
 
 
-def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, path: Path) -> None:
+def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, every: int, path: Path) -> None:
     """Draw a still of frame `at`, or the movie of all requested frames."""
     numbers = {at} if at is not None else set(sketch.request.requested)
     if not common.dry_run:
         with SurfaceStream(store, once=True) as stream:
             make_folder(path.parent)
-            animatic = Animatic(sketch, stream)
+            animatic = Animatic(sketch, stream, every)
             played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
             with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
                 if not all(stream.knows(sketch.request, number) for number in played):
@@ -159,7 +170,9 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
     _report(common, path, len(numbers))
 
 
-def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: Path | None) -> None:
+def _draw_film(
+    common: Common, edit: Edit, sketches: Sequence[Sketch], every: int, output: Path | None
+) -> None:
     """Draw the movie of an edit; `sketches` are those of its clips."""
     path, store = output or common.root / edit.path(FOLDER), Store(common.root)
     for sketch in sketches:
@@ -168,7 +181,7 @@ def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: P
         make_folder(path.parent)
         with ExitStack() as stack:
             streams = [stack.enter_context(SurfaceStream(store, once=True)) for _ in sketches]
-            clips = [Animatic(*each) for each in zip(sketches, streams, strict=True)]
+            clips = [Animatic(*each, every) for each in zip(sketches, streams, strict=True)]
             played = sum(len(clip.played(set(clip.sketch.request.requested))) for clip in clips)
             with _bars(common, clips, {"simulating": played, "drawing": edit.length}) as report:
                 write_film_animatic(edit, clips, path, report)
@@ -197,7 +210,12 @@ def _warn_of_cost(request: RenderRequest, last: int) -> None:
 
 
 def _redraw(
-    common: Common, read: Callable[[], Sketch], stream: SurfaceStream, movie: Path, watched: set[Path]
+    common: Common,
+    read: Callable[[], Sketch],
+    stream: SurfaceStream,
+    every: int,
+    movie: Path,
+    watched: set[Path],
 ) -> None:
     """Draw the movie now and after each edit of the watched files, until Ctrl-C."""
     while True:
@@ -206,7 +224,7 @@ def _redraw(
             sketch = read()
             added = files_of(sketch.request.source) - watched
             watched, before = watched | added, before | stamp(added)
-            animatic = Animatic(sketch, stream)
+            animatic = Animatic(sketch, stream, every)
             requested = set(sketch.request.requested)
             totals = {"simulating": len(animatic.played(requested)), "drawing": len(requested)}
             with _bars(common, [animatic], totals) as report:

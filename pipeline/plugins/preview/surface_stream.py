@@ -28,7 +28,7 @@ from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import MeshFrame, RenderRequest, Shading, Store, StoredFiles, animate, key_of
 from flowsculpt.api.materials import Surface
 
-SLOW = 0.25  # core-seconds from which on a simulated frame is stored
+SLOW = 0.25  # seconds, and CPU seconds, from which on a simulated frame is stored
 
 MEMORY_SHARE = 0.2  # fraction of the free memory that mesh frames may take, and that surfaces may take
 
@@ -88,9 +88,9 @@ class MeshSource:
             latest = next((frame for frame in earlier if frame is not None), None)
             self._simulation = animate(self.request.shot, latest, progress=self.callback)
         while True:
-            started = time.thread_time()
+            wall, cpu = time.perf_counter(), time.process_time()  # flows move points in threads
             frame = next(self._simulation)
-            self._keep(frame, time.thread_time() - started)
+            self._keep(frame, min(time.perf_counter() - wall, time.process_time() - cpu))
             if frame.number == number:
                 return frame
 

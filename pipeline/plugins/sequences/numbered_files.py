@@ -45,7 +45,10 @@ def numbered_files(pattern: str, folder: Path) -> Mapping[int, Path]:
             )
         found[number] = place / file
     if not found:
-        raise MissingInputError(f"no file matches {shorten(pattern)} in {place}. Correct the name or its #.")
+        also = "; a * stands for the number alone" if "*" in name else ""
+        raise MissingInputError(
+            f"no file matches {shorten(pattern)} in {place}{also}. Correct its name or #."
+        )
     return dict(sorted(found.items()))
 
 

@@ -140,7 +140,7 @@ def wedge(
 ) -> None:
     """Render a shot in a grid of variations, and put them on a contact sheet.
 
-    `flowsculpt wedge A010_cube --vary flows.1.twist.amount.keys.68=20:80:4 --vary look=clay,glaze`
+    `flowsculpt wedge A010_cube --vary flows.1.twist.amount.keys.31=20:80:4 --vary look=clay,glaze`
     renders the middle frame of eight cells to folders below renders/wedge/A010_cube, and a PNG labelled
     with their values. With `-f 1-48` it renders these frames of every cell, and the sheet is a movie too.
     Work that cells share is done once: a wedge over looks simulates the shot only once.

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import Streamlines, VelocityField
+from flowsculpt import FrameError, Streamlines, VelocityField
 from flowsculpt.api.meshes import Floats
 
 SAME = 1e-12
 """Seconds up to which two times are one."""
 
+MOST_STEPS = 30_000  # to a frame or the end of streamlines, were points as fast all the way
 _FASTER = 1.25  # than where its step begins a point may become, before its sub-steps are made finer
 _LOOKS = 0.0, 0.37, 0.71, 1.0
 """Shares of a step at which velocities are compared: if they are equal, they are so throughout."""
@@ -229,9 +230,17 @@ class Travel:
     def advance(self, moving: Floats, until: float, leading: Floats, longest: float) -> None:
         """Add a step of points (N, 3) towards a time, in which others (M, 3) go about `longest` at most.
 
-        It ends where velocities bend in time. Raises FrameError where the field needs too many sub-steps.
+        It ends where velocities bend in time. Raises FrameError where too many steps or sub-steps are needed.
         """
-        count = math.ceil(abs(until - self.now) * self._fastest(leading) / longest)
+        speed = self._fastest(leading)
+        if not math.isfinite(speed):
+            raise FrameError(f"a velocity is {speed}; it must be finite. Guard it, for example by clamp.")
+        if (steps := abs(until - self.now) * speed / longest) > MOST_STEPS:
+            raise FrameError(
+                f"points move {speed:.3g} units a second, which takes over {MOST_STEPS:,} steps of "
+                f"{longest:.3g} units. Raise max_edge_length, or write a shorter length or slower velocities."
+            )
+        count = math.ceil(steps)
         end = until if count <= 1 else self.now + (until - self.now) / count
         kinks = self.flow.field.kinks(self.now, end - self.now)
         end = min(kinks, key=lambda kink: abs(kink - self.now), default=end)

@@ -380,19 +380,19 @@ def _message(details: ErrorDetails, where: Where, document: type[BaseModel], wri
     name = dotted_path(where) or "the file"
     if kind == "finding":
         return str(context["text"])
-    if kind == "value_error":
-        return f"{name}: {context['error']}"
-    if kind == "assertion_error":  # in the code of a plug-in
-        return f"{name}: {located_reason(context['error'])}"
+    if kind in ("value_error", "assertion_error"):  # the latter in the code of a plug-in
+        return f"{name}: {context['error'] if kind == 'value_error' else located_reason(context['error'])}"
+    if kind == "string_pattern_mismatch" and "%" in context["pattern"]:
+        return f"{name}: {shown(value)} is not a percentage from 0% to 100%, such as 2%"
     if kind == "missing":
         return f"{dotted_path((*where, details['loc'][-1]))}: missing; it has no default"
     if kind in _BOUNDS:
         return f"{name}: {value} is out of range; it must be {_BOUNDS[kind]} {next(iter(context.values())):g}"
-    if kind in ("too_short", "too_long"):
-        least = "at least" if kind == "too_short" else "at most"
-        count = plural(context["actual_length"], "item") if context["actual_length"] else "empty"
-        bound = int(context.get("min_length", context.get("max_length", 0)))
-        return f"{name}: {count}; it must have {least} {plural(bound, 'item')}"
+    if kind.endswith(("too_short", "too_long")):
+        each, given = "character" if "string" in kind else "item", details["input"]
+        count = plural(len(given), each) if given else "empty"
+        bound = plural(int(context.get("min_length", context.get("max_length", 0))), each)
+        return f"{name}: {count}; it must have at {'least' if 'short' in kind else 'most'} {bound}"
     if kind == "literal_error":
         return f"{name}: {_wrong_word(value, context['expected'], _other_forms(details['loc'], document))}"
     if kind in _WANTED:

@@ -163,6 +163,37 @@ def test_a_flat_top_is_flat_up_to_near_its_edges_and_as_high_as_it_is(turn):
     assert np.abs(heights.at(outside)).max() < 1e-9
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(sorted(SHAPES)), st.tuples(*[st.floats(-2.0, 2.0)] * 3))
+def test_moved_heights_are_those_of_the_moved_subject(shape, by):
+    mesh = SHAPES[shape]
+    heights = Heights.of(mesh.vertices, mesh.faces, 1.0)
+    seen = np.random.default_rng(1).uniform(-1.5, 1.5, (100, 3))
+    moved = heights.moved(np.array(by)).at(seen + by)
+    assert np.abs(moved - by[1] - heights.at(seen)).max() < 1e-9
+
+
+TURN = "{rotation: {axis: y, speed: 60}}, {translation: {rate: [0.1, -0.2, 0.3]}}"
+
+TILT = "{rotation: {axis: z, speed: 60}}"
+
+BEND = "{bend: {amount: {keys: {1: 0, 13: 40}}}}"
+
+
+@pytest.mark.parametrize("flows, turns", [(TURN, True), (TILT, False), (BEND, False)])
+def test_a_relief_fits_the_subject_and_turns_with_one_that_turns_about_the_side_it_is_met_from(
+    tmp_path, flows, turns
+):
+    ball = shot_of(tmp_path, block=f", flows: [{flows}]").of_subject("ball")
+    (obstacle,) = ball.motion.flow.members[0].obstacles
+    for time in (0.1, 0.4):
+        axes, heights = obstacle.relief(time, 1.0 / 0.7)
+        seen = obstacle.surface.points(time) @ axes.T
+        again = Heights.of(seen, obstacle.surface.mesh.faces, 1.0 / 0.7)
+        assert np.abs(heights.at(seen) - again.at(seen)).max() < 1e-5
+        assert (np.abs(axes - obstacle.axes).max() > 0.05) == turns
+
+
 def test_far_from_the_other_subject_nothing_moves():
     press = press_of("block", (0.0, 1.0, 0.0), 0.5, 0.4, True)
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 3)) * 0.5
@@ -312,3 +343,49 @@ def test_validate_warns_where_a_later_entry_pushes_the_subject_into_what_an_earl
     ball = read_shot(tmp_path / "A010_entries.yaml").of_subject("ball")
     (sinks,) = [said for said, is_warning in ball.motion.flow.findings() if is_warning]
     assert "thousandths of its height into block" in sinks
+
+
+def test_validate_warns_once_of_what_sinks_in_where_another_entry_follows(tmp_path):
+    wall = "  wall: {solid: box, size: [0.4, 4, 4], place: [1, 0, 0]}\n"
+    entries = "{others: [block, wall]}\n      - contact: {floor: -3}"
+    text = TOGETHER.replace("BLOCK", "").replace("CONTACT", entries).replace("  ball:", f"{wall}  ball:")
+    text = text.replace("[0.2, 0.7, 0.1]", "[0, 0.7, 0]").replace("1: [0, -1.4, 0]", "1: [0.4, -1.4, 0]")
+    (tmp_path / "A010_once.yaml").write_text(text, encoding="utf-8")
+    ball = read_shot(tmp_path / "A010_once.yaml").of_subject("ball")
+    sinks = [said for said, _ in ball.motion.flow.findings() if "into block" in said]
+    assert len(sinks) == 1
+
+
+COPIES = """
+title: Copies
+frames: 1-13
+subjects:
+  drops:
+    solid: icosphere
+    radius: 0.4
+    copies: {count: 6, RIGIDlayout: {grid: {cells: [3, 2, 1], spacing: [1.2, 1.2, 0]}}}
+    flows:
+      - translation: {rate: {ease: linear, keys: {1: [0, -1, 0], 13: [0, -1, 0]}}}
+      - contact: {floor: -1.2, softness: 0.6}
+resample: {max_edge_length: 0.12}
+"""
+
+
+def test_copies_are_pressed_by_the_lowest_of_all_and_none_is_flattened(tmp_path):
+    (tmp_path / "A010_copies.yaml").write_text(COPIES.replace("RIGID", ""), encoding="utf-8")
+    drops = read_shot(tmp_path / "A010_copies.yaml").of_subject("drops")
+    first, *_, last = (frame.mesh for frame in animate(drops))
+    assert -0.001 * 2.0 < last.vertices[:, 1].min() + 1.2 < 0.002
+    lower = last.vertices[last.vertices[:, 1] < -0.4]
+    assert 0.35 < float(np.ptp(lower[:, 1])) < 0.7
+    assert volume(last) == pytest.approx(volume(first), rel=0.01)
+    (said, _), (warned, is_warning) = drops.motion.flow.findings()
+    assert "is pressed by up to 150" in said
+    assert is_warning and "Write keep_volume: false" in warned
+
+
+def test_rigid_copies_in_contact_are_refused(tmp_path):
+    (tmp_path / "A010_copies.yaml").write_text(COPIES.replace("RIGID", "rigid: true, "), encoding="utf-8")
+    drops = read_shot(tmp_path / "A010_copies.yaml").of_subject("drops")
+    with pytest.raises(FlowsculptError, match="drops has rigid copies"):
+        list(drops.motion.flow.findings())

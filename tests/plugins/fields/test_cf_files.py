@@ -145,6 +145,29 @@ def test_missing_numbers_stop_what_is_there(tmp_path: Path) -> None:
         assert not velocity_at(samples, *place).any(), place
 
 
+def test_ends_of_valid_numbers_are_unpacked_where_they_are_floats(tmp_path: Path) -> None:
+    data = packed(dataset())
+    expected = read(data, tmp_path).velocities(0)
+    for name in ("uo", "vo"):  # of packed numbers from -2000 to 3000
+        data[name].attrs["valid_range"] = np.array([-1.0, 5.0], "f4")
+    np.testing.assert_array_equal(read(data, tmp_path).velocities(0), expected)
+    data["vo"].attrs["valid_range"] = np.array([-1000, 1000], "i2")
+    samples = read(data, tmp_path)
+    assert velocity_at(samples, 12.0, 51.5).any() and not velocity_at(samples, 13.5, 51.5).any()
+    data["vo"].attrs["valid_range"] = np.array([1.0])
+    with pytest.raises(UsageError, match="valid_range without numbers"):
+        read(data, tmp_path).velocities(0)
+
+
+@pytest.mark.parametrize("fill", [-999.9, 1e20])
+def test_a_fill_value_in_double_precision_is_that_of_floats(tmp_path: Path, fill: float) -> None:
+    data = dataset()
+    for name in ("uo", "vo"):
+        data[name][:, 4, 2] = fill
+        data[name].attrs["missing_value"] = np.float64(fill)
+    assert not velocity_at(read(data, tmp_path), 11.0, 52.0).any()
+
+
 def test_a_velocity_of_0_is_there_though_zarr_fills_with_0(tmp_path: Path) -> None:
     data = dataset()
     data["uo"].encoding = data["vo"].encoding = {"_FillValue": 0.0}
@@ -305,6 +328,14 @@ def test_heights_stand_up_and_are_exaggerated(tmp_path: Path) -> None:
     assert np.ptp(section.axes[2]) > 1e6 and section.velocities(0).shape == (9, 3, 2, 3)
 
 
+def test_numbers_below_0_of_an_axis_of_depths_go_down_and_a_note_says_so(tmp_path: Path) -> None:
+    data = dataset().isel(time=0).expand_dims(Z=[-5.0, -15.0, -30.0]).copy()
+    data["Z"].attrs = {"units": "m", "positive": "down", "standard_name": "depth"}  # as MITgcm writes it
+    samples, notes = cf_samples((save(data, tmp_path / "a.nc"),), Selection(), Placing())
+    np.testing.assert_allclose(samples.axes[1], [-30.0, -15.0, -5.0])
+    assert samples.surface == ("Z", 0) and any("numbers below 0 go down too" in note for note in notes)
+
+
 def test_pressures_are_heights_of_the_standard_atmosphere(tmp_path: Path) -> None:
     data = dataset().isel(time=0).expand_dims(plev=[100000.0, 50000.0, 10000.0]).copy()
     data["plev"].attrs = {"units": "Pa", "standard_name": "air_pressure"}
@@ -355,6 +386,14 @@ def test_variables_groups_and_members_can_be_named(tmp_path: Path) -> None:
     chosen = Selection((("x", "uo"), ("y", "vo")), (("number", 1),), "run/b")
     samples, _ = cf_samples((file,), chosen, Placing(up="y"))
     assert velocity_at(samples, 12.0, 51.5)[0] == pytest.approx(7.0)
+
+
+def test_groups_of_a_zarr_store_are_named_where_the_first_has_no_variables(tmp_path: Path) -> None:
+    store = save(dataset(), tmp_path / "a.zarr", group="ocean/daily")
+    with pytest.raises(UsageError, match="and others have: ocean/daily; write group: ocean/daily"):
+        cf_samples((store,), Selection(), Placing())
+    samples, _ = cf_samples((store,), Selection(group="ocean/daily"), Placing())
+    assert samples.times.tolist() == [0.0, 3600.0, 7200.0]
 
 
 def curvilinear(data: Any) -> Any:
@@ -608,6 +647,10 @@ NAMED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "an index beyond the end": ({"at": (("time", 3),)}, "at names index 3 of time, which has 3"),
     "a group that is not there": ({"group": "b"}, "it cannot be read"),
+    "a dimension that is not there": (
+        {"at": (("tine", 0),)},
+        "at names tine, which is not a dimension of its velocities. Did you mean 'time'\\?$",
+    ),
 }
 
 

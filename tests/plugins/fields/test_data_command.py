@@ -56,6 +56,13 @@ def test_variables_axes_and_times_are_listed_with_dates_of_the_calendar(ocean: P
     assert "zos" in said and "time 3 × lat 4 × lon 4" in said
 
 
+def test_a_date_that_cannot_be_read_is_reported(ocean: Path) -> None:
+    with xarray.open_dataset(ocean, engine="h5netcdf", decode_cf=False) as data:
+        data.load().time.attrs["units"] = "days since 2001-02-31"  # of a calendar of 30 days a month
+        data.to_netcdf(ocean.parent / "dated.nc", engine="h5netcdf")
+    assert "without dates: '2001-02-31' cannot be read (360_day)" in output_of(str(ocean.parent / "dated.nc"))
+
+
 def test_json_has_the_same_facts(ocean: Path) -> None:
     facts = json.loads(output_of(str(ocean), "--json"))
     assert facts["velocity"] == {"x": "uo", "y": "vo"} and facts["times"]["calendar"] == "360_day"
@@ -78,6 +85,14 @@ def test_a_file_without_a_velocity_says_what_it_lacks(ocean: Path) -> None:
         data.load().drop_vars(["uo", "vo"]).to_netcdf(ocean.parent / "heights.nc", engine="h5netcdf")
     said = output_of(str(ocean.parent / "heights.nc"))
     assert "zos" in said and "no variables are velocities" in said
+
+
+def test_a_number_that_no_velocity_has_is_reported_below_what_the_file_holds(ocean: Path) -> None:
+    with xarray.open_dataset(ocean, engine="h5netcdf", decode_cf=False) as data:
+        data.load()["uo"][:, 1, 1] = 1e20
+        data.to_netcdf(ocean.parent / "filled.nc", engine="h5netcdf")
+    said = output_of(str(ocean.parent / "filled.nc"))
+    assert "zos" in said and "samples must be finite" in said and "a shot of it" not in said
 
 
 def test_sequences_and_their_arrays_are_listed_as_shots_name_them(tmp_path: Path) -> None:

@@ -135,6 +135,10 @@ def test_what_acts_tells_contents_and_moments_and_no_addresses(tmp_path: Path) -
 BAD = {
     "x is missing": ({"x": None}, r"array x is missing; .* There are: velocity, y, z"),
     "velocity is missing": ({"velocity": None}, "array velocity is missing"),
+    "complex": (
+        {"velocity": 1j * velocity_on((X, Y, Z))},
+        "velocity holds complex128; it must be real numbers",
+    ),
     "descending": ({"y": Y[::-1]}, r"axis y \(shape \(6,\)\) must be a row of 2 or more ascending numbers"),
     "one sample": ({"z": Z[:1]}, "axis z"),
     "text": ({"x": np.array(list("abcde"))}, "axis x"),

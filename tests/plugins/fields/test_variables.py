@@ -11,7 +11,7 @@ import pytest
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotError
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.plugins.fields.cf_conventions import TimeUnits
+from flowsculpt.pipeline.plugins.fields.cf_conventions import ConventionError, TimeUnits
 from flowsculpt.pipeline.plugins.fields.grid_layout import EARTH
 from flowsculpt.pipeline.shot import read_shot
 from tests.needed_plugins import needs_plugins
@@ -145,10 +145,33 @@ def test_measures_of_data_have_units_of_data_and_dates(tmp_path: Path) -> None:
 
 def test_means_over_years_have_dates_without_a_year() -> None:
     attributes = {"units": "days since 2001-01-01", "calendar": "noleap"}
-    assert TimeUnits.of(attributes).date(45.5) == "2001-02-15 12:00:00"
-    assert TimeUnits.of({**attributes, "climatology": "bounds"}).date(45.5) == "--02-15 12:00:00"
+    assert TimeUnits.of(attributes, [45.5]).date(45.5) == "2001-02-15 12:00:00"
+    assert TimeUnits.of({**attributes, "climatology": "bounds"}, [45.5]).date(45.5) == "--02-15 12:00:00"
     of_year_zero = {"units": "hours since 0000-01-01 00:00:00"}
-    assert TimeUnits.of(of_year_zero).date(24 * 45.5) == "--02-15 12:00:00"
+    assert TimeUnits.of(of_year_zero, [24 * 45.5]).date(24 * 45.5) == "--02-15 12:00:00"
+
+
+@pytest.mark.parametrize(
+    ("calendar", "day", "date"),
+    [
+        ("noleap", 365.0 * 12.0 + 45.5, "0012-02-15 12:00:00"),  # as climate models count
+        ("standard", 730_000.0, "1998-09-01 00:00:00"),
+        ("proleptic_gregorian", 730_000.0, "1998-09-03 00:00:00"),  # as datetime.date.fromordinal(729_635)
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_times_that_go_on_after_year_0_have_dates_with_a_year(calendar: str, day: float, date: str) -> None:
+    units = TimeUnits.of({"units": "days since 0000-01-01", "calendar": calendar}, [day, day + 30.0])
+    assert units.date(day) == date and not units.is_climatology
+    assert units.number_of(date) == day
+    other = TimeUnits.of({"units": "days since 2001-01-01", "calendar": calendar}, [0.0])
+    assert units.seconds_between(other) == 86400.0 * units.number_of("2001-01-01")
+
+
+def test_a_date_that_cannot_be_read_is_refused_where_files_follow_one_another() -> None:
+    one, other = (TimeUnits.of({"units": f"days since {day}"}, [0.0]) for day in ("2001-01-01", "then"))
+    with pytest.raises(ConventionError, match="'2001-01-01' or 'then' is not a date of its calendar"):
+        one.seconds_between(other)
 
 
 @pytest.mark.parametrize("suffix", ["npz", "vti"])

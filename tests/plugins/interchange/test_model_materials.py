@@ -29,6 +29,15 @@ def gltf_materials(folder: Path, **material: Any) -> ModelMaterials:
     return materials(gltf_box(folder, **material).glb(folder / "a.glb"))
 
 
+@pytest.mark.parametrize(
+    ("index", "notes"),
+    [(0, ()), (1, ("primitive 0 of mesh 0 has no TEXCOORD_1, so its textures show as one colour",))],
+)
+def test_textures_without_their_coordinates_are_noted(tmp_path: Path, index: int, notes: Any) -> None:
+    surface = {"baseColorTexture": {"index": 0, "texCoord": index}}
+    assert gltf_materials(tmp_path, pbrMetallicRoughness=surface).notes == notes
+
+
 def test_diffuse_colour_and_gloss_of_a_gltf_file_are_colour_and_roughness(tmp_path: Path) -> None:
     glossy = {"diffuseFactor": [1, 0.5, 0, 1], "glossinessFactor": 0.75, "specularFactor": [0, 0, 0]}
     (part,), _, notes = gltf_materials(tmp_path, extensions={GLOSS: glossy})

@@ -237,6 +237,8 @@ def test_what_a_drawing_cannot_be_read_as_is_one_line(tmp_path, body, fact):
         ("{lettering.text: {text: A, bevel: 0.2}}", "leave nothing of a depth of 0.25."),
         ("{lettering.text: {text: A, letter: 3}}", "letter 3 is beyond the last: it has 1 letter."),
         ("{lettering.text: {text: A, axes: {wght: 400}}}", "has no axis 'wght'; it has none"),
+        ("{lettering.text: {text: A, face: 7}}", "has no such face. Choose another, or face: 0."),
+        ("{lettering.text: {text: ''}}", "lettering.text.text: empty; it must have at least 1 character"),
         ("{lettering.text: {text: A, font: No Such}}", "font 'No Such' is not installed."),
         ("{lettering.text: {text: A, font: no.ttf}}", "file no.ttf is not there"),
         ("{lettering.text: {text: A, bevle: 1}}", "subject.lettering.text.bevle: unknown name. Did you mean"),

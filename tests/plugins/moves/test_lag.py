@@ -152,8 +152,11 @@ def test_what_cannot_be_late_is_refused_at_its_place(flows: list[str], said: str
 )
 def test_a_lag_in_which_parts_would_meet_is_refused_with_one_that_works(lag: str, said: str):
     stretch = "  - stretch: {amount: {keys: {1: 1, 25: 2}}}"
+    shot = shot_of(stretch, f"  - lag: {lag}")
+    with pytest.raises(FlowsculptError, match=rf"frame \d+: .*{said}"):
+        list(shot.motion.flow.findings())
     with pytest.raises(FlowsculptError, match=said) as error:
-        list(animate(shot_of(stretch, f"  - lag: {lag}")))
+        list(animate(shot))
     if lag.startswith("{"):
         most = str(error.value).split("lag: ")[-1].split(" ")[0]
         first = int(str(error.value).split("frame ")[1].split(":")[0])

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import json
 import resource
+import time
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import av
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation import MeshFrame, animate
 from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh import box, icosphere, sheet
 from flowsculpt.pipeline.plugins.preview import surface_stream
-from flowsculpt.pipeline.plugins.preview.animatic import Animatic, framings_of, outline, size_for
+from flowsculpt.pipeline.plugins.preview.animatic import (
+    Animatic,
+    framings_of,
+    outline,
+    size_for,
+    write_film_animatic,
+)
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import (
     MeshCache,
@@ -94,6 +105,28 @@ def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: 
         assert all(stream.store.holds("mesh", request.keys.mesh(n)) for n in range(1, 7))
     plan = Project(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
     assert not plan.jobs
+
+
+def test_frames_that_took_long_in_other_threads_are_kept_too(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def work() -> None:
+        while time.thread_time() < 0.05:
+            pass
+
+    def animate_in_threads(*given: Any, **named: Any) -> Iterator[MeshFrame]:
+        for frame in animate(*given, **named):
+            thread = Thread(target=work)  # as flows move many points
+            thread.start()
+            thread.join()
+            yield frame
+
+    monkeypatch.setattr(surface_stream, "SLOW", 0.04)
+    monkeypatch.setattr(surface_stream, "animate", animate_in_threads)
+    request = take_of(root)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        list(stream.play(request, range(1, 7)))
+        assert all(stream.store.holds("mesh", request.keys.mesh(n)) for n in range(1, 7))
 
 
 def test_cameras_are_those_of_the_render(root: Path) -> None:
@@ -188,6 +221,51 @@ def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(r
         with pytest.raises(FileNotFoundError):
             stream.arrays(request, 1)
     assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
+
+
+@pytest.mark.slow
+def test_a_film_holds_no_frame_of_a_clip_that_is_over_and_few_of_the_clip_that_is_drawn(root: Path) -> None:
+    (root / "shots" / "three.yaml").write_text(
+        "title: Three\nshots:\n"
+        + "".join(f"  - {{shot: {NAME}, frames: {part}}}\n" for part in ("40-42", "1-4", "70-72"))
+        + "title_seconds: 0\ncredits_seconds: 0\n"
+    )
+    project = Project(root, 2, settings=LONG)
+    edit, requests = project.edit("draft", root / "shots" / "three.yaml", variant="none")
+    clips = [Animatic(Sketch(each), SurfaceStream(project.store, once=True)) for each in requests]
+    held: list[int] = []
+
+    def known(clip: Animatic) -> int:
+        request = clip.sketch.request
+        return sum(clip.stream.knows(request, number) for number in request.shot.frames)
+
+    def tell(stage: str, number: int) -> None:
+        if stage == "drawing":
+            held.append(sum(map(known, clips)))
+
+    assert write_film_animatic(edit, clips, root / "three.mp4", tell) == len(held) == 10
+    assert held[2] == held[6] == held[9] == 0, "after the last picture of each clip"
+    assert max(held) < 2 * Framer.AHEAD, "frames that only cameras see are forgotten too"
+
+
+def test_a_movie_of_every_fourth_frame_holds_each_and_is_as_long(root: Path) -> None:
+    request = take_of(root)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        whole, held = (list(Animatic(Sketch(request), stream, every).pictures(quiet)) for every in (1, 4))
+    assert len(whole) == len(held) == 6
+    for number, picture in enumerate(held):
+        np.testing.assert_array_equal(picture, whole[0 if number < 4 else 4])
+    assert not np.array_equal(whole[0], whole[4])
+
+
+def test_of_a_range_no_frame_is_shaded_that_neither_picture_nor_camera_shows(root: Path) -> None:
+    request, told = take_of(root, *LONG), list[tuple[str, int]]()
+    part = replace(request, requested=FrameRange([75]))
+    with SurfaceStream(Project(root, 2).store) as stream:
+        (alone,) = Animatic(Sketch(part), stream).pictures(partial(said, told))
+        assert told == [("simulating", n) for n in range(75 - Framer.AHEAD, 81)]
+        whole = list(Animatic(Sketch(request), stream).pictures(quiet))
+    np.testing.assert_array_equal(alone, whole[74])
 
 
 @pytest.mark.slow

@@ -37,6 +37,14 @@ def test_a_shot_of_numbered_files_shows_all_of_them(
     assert frames[0].mesh.vertices.shape == (92, 3)
 
 
+def test_two_files_of_one_number_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_ball(tmp_path / "cache", 1)
+    (tmp_path / "cache/ball_1.ply").write_bytes((tmp_path / "cache/ball_0001.ply").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    code, said = begun(tmp_path, "cache/*.ply")
+    assert code == 2 and "cache/*.ply matches two files that are both number 1. Remove one." in said
+
+
 def test_a_folder_with_two_sequences_or_none_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -77,6 +77,7 @@ def test_frames_show_the_files_of_their_numbers(folder: Path) -> None:
 def test_patterns_are_written_as_other_programs_write_them(folder: Path, subject: str) -> None:
     if "##" in subject:
         assert "no file matches" in told(folder, subject)  # ball_0001 has four digits
+        assert "; a * stands for the number alone. Correct" in told(folder, "'cache/*.ply'")
     else:
         assert len(list(animate(read(folder, subject)))) == 6
 

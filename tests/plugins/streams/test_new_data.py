@@ -216,6 +216,24 @@ def test_what_lies_beside_a_turned_grid_is_not_land(tmp_path: Path, monkeypatch:
     assert not (tmp_path / "shots/A010_sea_land.png").exists()
 
 
+def test_numbers_that_may_mark_what_is_missing_are_remarked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xarray = pytest.importorskip("xarray")
+    write_winds(tmp_path / "winds.nc")
+    monkeypatch.chdir(tmp_path)
+    with xarray.open_dataset("winds.nc", engine="h5netcdf", decode_cf=False) as data:
+        name = next(each for each in data.data_vars if data[each].ndim == 3)
+        data.load()[name][:, 2:6, 2:6] = -9999.0
+        data.to_netcdf("filled.nc", engine="h5netcdf")
+        data.isel(lat=[3]).to_netcdf("row.nc", engine="h5netcdf")
+    code, said = begun(tmp_path, "filled.nc")
+    assert code == 0 and "such as -999 marks what is missing, name it in _FillValue" in said
+    (tmp_path / "shots/A010_sea.yaml").unlink()
+    code, said = begun(tmp_path, "row.nc")
+    assert code == 2 and "row.nc: its velocities change along one axis alone" in said
+
+
 def test_data_without_motion_or_beside_other_sources_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

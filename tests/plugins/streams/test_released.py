@@ -10,6 +10,7 @@ import pytest
 
 from flowsculpt import (
     DoubleGyre,
+    FrameError,
     Rotation,
     Streamlines,
     Sum,
@@ -314,6 +315,31 @@ def test_lines_are_closed_tubes_along_exact_points(kind: type[ReleasedLines], fl
     assert np.allclose(rings.mean(axis=1), points[row])
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     assert np.einsum("ij,ij->i", np.cross(a, b), c).sum() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "seconds", "fault"),
+    [
+        (1.0, 1e9, r"1 units a second, which takes over 30,000 steps of 0\.1 units"),
+        (1e9, 1.0, r"1e\+09 units a second, which takes over 30,000 steps of 0\.1 units"),
+        (math.inf, 1.0, "a velocity is inf; it must be finite"),
+    ],
+    ids=["long", "fast", "infinite"],
+)
+@pytest.mark.parametrize("kind", [PathLines, StreakLines])
+def test_lines_that_need_too_many_steps_fail_at_once(
+    kind: type[ReleasedLines], speed: float, seconds: float, fault: str
+) -> None:
+    lines = kind(UPRIGHT, Streamlines(Translation((speed, 0.0, 0.0))), 0.0, 3, LONGEST, 0.01)
+    with pytest.raises(FrameError, match=fault):
+        lines.grow(seconds)
+
+
+def test_points_that_slow_down_take_few_steps_however_fast_they_begin() -> None:
+    slowing = Translation(rate=keyed((0.0, 0.001), ((1000.0, 0.0, 0.0), (0.0, 0.0, 0.0))))
+    lines = PathLines(UPRIGHT, Streamlines(slowing), 0.0, 3, LONGEST, 0.01)
+    lines.grow(2.0)
+    assert len(lines.travel.steps) < 50
 
 
 def test_curves_of_seeds_go_through_their_points_at_an_even_pace() -> None:
