@@ -1,12 +1,12 @@
-"""`python -m benchmarks.field_windows [NODES TIMES FRAMES [SHARE [APART]]]`: a field streamed from Zarr.
+"""`python -m benchmarks.field_windows [NODES TIMES FRAMES [SHARE [APART]]] [--zstd]`: a streamed field.
 
-Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
-only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice, moves
-10,000 and 200,000 points through them, simulates a ball that is resampled, grows a path surface, whose new
-vertices come from their seeds through all times, and reads the chunks of the times once with zarr alone;
-APART (4) frames are from one time to the next. Prints CPU seconds, the share of them in which velocities are
-read and checked, the most memory of each process, and the size of the store as it would be whole. The store
-lies among temporary files.
+Writes a Zarr store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, or
+with `--zstd` of 100³ with it and some noise, of which only SHARE (1) of the chunks is there; then, each in
+a process of its own, plans FRAMES frames twice, moves 10,000 and 200,000 points through them, simulates a
+ball that is resampled, grows a path surface, whose new vertices come from their seeds through all times,
+and reads the chunks of the times once with zarr alone; APART (4) frames are from one time to the next.
+Prints CPU seconds, the share of them in which velocities are read and checked, the most memory of each
+process, and the size of the store as it would be whole. The store lies among temporary files.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ import resource
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from time import process_time, time_ns
+from time import process_time, thread_time, time_ns
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -32,15 +34,21 @@ LINE = "[[-0.6, 0.1, 0.2], [0.6, 0.1, 0.2]]"
 ALONE, BALL, SURFACE = -1, -2, -3  # in place of a number of points
 
 
-def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
+def write_store(folder: Path, nodes: int, times: int, share: float, is_compressed: bool = False) -> Path:
     """Write a store of a turn that changes its direction; chunks are written as plain files."""
+    import numcodecs
     import zarr
 
     store = folder / "field.zarr"
     root = zarr.open_group(store, mode="w", zarr_format=3)
     root.attrs["written"] = time_ns()  # else the user's cache would have its slopes from the last run
     axis = np.linspace(-1.0, 1.0, nodes)
-    chunk = min(CHUNK, nodes)
+    chunk, noise, codec = min(2 * CHUNK if is_compressed else CHUNK, nodes), 0.0, None
+    if is_compressed:  # as measured data, which hardly shrink
+        noise, codec = (
+            1e-3 * np.random.default_rng(3).normal(size=[chunk] * 3),
+            zarr.codecs.ZstdCodec(level=3),
+        )
     for name, units in (("x", "m"), ("y", "m"), ("z", "m"), ("time", "s")):
         values = np.arange(times, dtype=float) if name == "time" else axis
         array = root.create_array(name, data=values, dimension_names=[name])
@@ -52,7 +60,7 @@ def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
             shape=(times, nodes, nodes, nodes),
             chunks=(1, chunk, chunk, chunk),
             dtype="f4",
-            compressors=None,
+            compressors=codec,
             fill_value=np.nan,
             dimension_names=["time", "z", "y", "x"],
         )
@@ -65,9 +73,10 @@ def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
             numbers = {"u": np.cos(turn) * z - y, "v": x, "w": -np.cos(turn) * x}[name]
             whole = np.full([chunk] * 3, np.nan, np.float32)
             whole[: z.size, : y.size, : x.size] = numbers
+            whole += noise
             path = store / name / "c" / "/".join(map(str, (t, *place)))
             path.parent.mkdir(parents=True, exist_ok=True)
-            whole.tofile(path)
+            path.write_bytes(numcodecs.Zstd(3).encode(whole) if is_compressed else whole.tobytes())
     return store
 
 
@@ -78,8 +87,8 @@ def read_alone(store: Path, times: int) -> None:
     begin, root = process_time(), zarr.open_group(store, mode="r")
     for t, name in product(range(min(times, root["time"].shape[0])), "uvw"):
         array = root[name]
-        for first in range(0, array.shape[1], CHUNK):
-            array[t, first : first + CHUNK]
+        for first in range(0, array.shape[1], array.chunks[1]):
+            array[t, first : first + array.chunks[1]]
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(json.dumps([process_time() - begin, process_time() - begin, most]))
 
@@ -90,18 +99,24 @@ def measured(store: Path, frames: int, count: int, apart: float) -> None:
     With 0 points those of planning, with BALL and SURFACE those of simulating a shot.
     """
     from flowsculpt.pipeline.animation import animate
+    from flowsculpt.pipeline.plugins.fields.chunked_times import TimeChunks
     from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
     from flowsculpt.pipeline.shot import read_shot
 
-    read, reading = WindowedSamples.velocities, [0.0]
+    reading = [0.0]
 
-    def timed(samples: WindowedSamples, index: int) -> np.ndarray:
-        began = process_time()
-        velocity = read(samples, index)
-        reading[0] += process_time() - began
-        return velocity
+    def timed(function: Callable[..., Any]) -> Callable[..., Any]:
+        def measuring(*arguments: Any) -> Any:
+            began = thread_time()  # other threads move points
+            try:
+                return function(*arguments)
+            finally:
+                reading[0] += thread_time() - began
 
-    patch.object(WindowedSamples, "velocities", timed).start()  # until the process ends
+        return measuring
+
+    for kind, name in ((WindowedSamples, "chunks"), (TimeChunks, "_fill")):
+        patch.object(kind, name, timed(getattr(kind, name))).start()  # until the process ends
 
     pace = FPS / apart
     field = f"[{{sampled: {{file: {store.name}, time_scale: {pace:.9g}, strength: {0.3 / pace:.9g}}}}}]"
@@ -136,7 +151,7 @@ def main() -> None:
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         begin = process_time()
-        store = write_store(Path(folder), int(nodes), int(times), share)
+        store = write_store(Path(folder), int(nodes), int(times), share, "--zstd" in sys.argv)
         written = process_time() - begin
         steps = {"plan": 0, "plan again": 0, "move 10,000 points": 10_000, "move 200,000 points": 200_000}
         steps |= {"simulate a ball": BALL, "path surface": SURFACE, "zarr alone": ALONE}

@@ -34,7 +34,8 @@ from flowsculpt.pipeline.plugins.fields.cf_headers import (
     read_header,
 )
 from flowsculpt.pipeline.plugins.fields.curvilinear_grids import CurvilinearGrid
-from flowsculpt.pipeline.plugins.fields.grid_layout import Coordinates, GridLayout, Placing
+from flowsculpt.pipeline.plugins.fields.grid_layout import Box, Coordinates, GridLayout, Placing, mirrored
+from flowsculpt.pipeline.plugins.fields.stored_arrays import ChunkGrid
 from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     SourceFiles,
     WindowedSamples,
@@ -54,6 +55,9 @@ YEARS = {
     "366_day": (366.0 * DAY,),
 }
 """Lengths that a year of data may have, by calendar, seconds."""
+
+PLACES = EAST, NORTH, UP
+ALL = slice(None)
 
 LAYER_PARTS = 8  # parts in which the layers of a file without chunks are read
 
@@ -193,7 +197,7 @@ class CFSamples(WindowedSamples):
         with stored_arrays.opened_together(header.paths, self.selection.group) as dataset:
             return {name: tuple(map(str, dataset.variables[name].dims)) for name in header.names.values()}
 
-    def current_files(self, index: int) -> SourceFiles:
+    def current_files(self, index: int, has_velocities: bool = True) -> SourceFiles:
         k, i = self._where[index]
         header, at = self.headers[k], dict(self.selection.at)
         if TIME in header.axes:
@@ -203,7 +207,59 @@ class CFSamples(WindowedSamples):
         fixed: dict[str, dict[int, int]] = {axis.coordinate: {} for axis in header.axes.values()}
         for name, dimensions in self._dimensions.items():
             fixed[name] = {n: at[dimension] for n, dimension in enumerate(dimensions) if dimension in at}
-        return stored_arrays.stored_files(header.path, self.selection.group, tuple(fixed), fixed)
+        lacking = () if has_velocities else tuple(self._dimensions)
+        return stored_arrays.stored_files(header.path, self.selection.group, fixed, lacking)
+
+    @cached_property
+    def parts(self) -> tuple[list[slice], ...] | None:  # type: ignore[override]
+        """The chunks of Zarr stores, where each node has the velocity of one of the data."""
+        first, is_sliding = self.headers[0], self.placing.land == "slide"
+        if first.curvilinear is not None or not self.layout.is_plain or is_sliding or not self._chunk_grids:
+            return None
+        found = []
+        for axis in PLACES:
+            if axis not in first.axes:
+                found.append([slice(0, 2)])
+                continue
+            count, dimension = len(first.axes[axis].values), first.axes[axis].dimension
+            grids = [each for grids in self._chunk_grids for each in grids.items()]
+            size, *others = {grid.sizes[self._dimensions[name].index(dimension)] for name, grid in grids}
+            if others:
+                return None
+            parts = [slice(k, min(k + size, count)) for k in range(0, count, size)]
+            is_turned = axis in first.turned
+            found.append([mirrored(part, count) for part in reversed(parts)] if is_turned else parts)
+        return self.layout.in_scene(found)
+
+    @cached_property
+    def _chunk_grids(self) -> list[dict[str, ChunkGrid]]:
+        """The chunks of each Zarr store by variable; none if a file is none."""
+        if not all(header.path.is_dir() for header in self.headers):
+            return []
+        homes = [header.path / (self.selection.group or "") for header in self.headers]
+        return [{name: ChunkGrid.of(home / name) for name in self._dimensions} for home in homes]
+
+    @cached_property
+    def _datasets(self) -> dict[int, Any]:
+        """The Zarr stores whose chunks were read."""
+        return {}
+
+    def read_chunk(self, index: int, out: np.ndarray, box: Box) -> SourceFiles:
+        k, i = self._where[index]
+        header, grids, place = self.headers[k], self._chunk_grids[k], self.layout.in_data(box)
+        east, north, up = (
+            mirrored(part, len(header.axes[axis].values)) if axis in header.turned else part
+            for axis, part in zip(PLACES, place, strict=True)
+        )
+        with stored_arrays.reported(header.path), convention_faults(header.path):
+            if k not in self._datasets:
+                self._datasets[k] = stored_arrays.open_dataset(header.path, self.selection.group)
+            stored = east, north, up
+            components, missing = self._components(header, self._datasets[k], i, stored, grids)
+            self.layout.fill(out, place, components, missing, header.is_angular)
+        at = [self._indices(header, dims, i, stored) for dims in self._dimensions.values()]
+        files = [grid.file(list(each.values())) for grid, each in zip(grids.values(), at, strict=True)]
+        return tuple((path, file_digest(path) if path.is_file() else "") for path in files)
 
     def read(self, index: int) -> np.ndarray:
         k, i = self._where[index]
@@ -216,7 +272,7 @@ class CFSamples(WindowedSamples):
                 components, missing = self._components(header, dataset, i, stored)
                 if header.curvilinear is not None:
                     components, missing = header.curvilinear.resampled(components, missing)
-                self.layout.fill(out, layers, components, missing, header.is_angular)
+                self.layout.fill(out, (ALL, ALL, layers), components, missing, header.is_angular)
                 del components, missing  # before others take as much memory
         return out
 
@@ -229,16 +285,22 @@ class CFSamples(WindowedSamples):
             convention_faults(header.path),
         ):
             level = replace(header, names={axis: name for axis, name in header.names.items() if axis != UP})
-            components, missing = self._components(level, dataset, 0, slice(0, 1))
+            components, missing = self._components(level, dataset, 0, (ALL, ALL, slice(0, 1)))
         return header.curvilinear.error(components, missing)
 
     def _components(
-        self, header: FileHeader, dataset: Any, index: int, layers: slice
+        self,
+        header: FileHeader,
+        dataset: Any,
+        index: int,
+        box: Box,
+        grids: Mapping[str, ChunkGrid] | None = None,
     ) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
         """Return the components as of `_component`, 0 where any is missing, and where that is."""
         components, missing = {}, None
         for axis, name in header.names.items():
-            components[axis], lacking = self._component(header, dataset.variables[name], index, layers)
+            grid = None if grids is None else grids[name]
+            components[axis], lacking = self._component(header, dataset.variables[name], index, box, grid)
             if lacking is not None:
                 missing = lacking if missing is None else missing | lacking
         if missing is not None:
@@ -246,13 +308,13 @@ class CFSamples(WindowedSamples):
                 values[missing] = 0.0
         return components, missing
 
-    def _layers(self, header: FileHeader, dataset: Any) -> Iterator[tuple[slice, slice]]:
-        """Yield layers to read at once: indices in the file along the axis up, and in the grid.
+    def _layers(self, header: FileHeader, dataset: Any) -> Iterator[tuple[Box, slice]]:
+        """Yield what to read at once: indices in the file, and layers of the grid along the axis up.
 
         Reading all at once would take as much memory again.
         """
         if UP not in header.axes or self.placing.land == "slide":
-            yield slice(None), slice(None)
+            yield (ALL, ALL, ALL), ALL
             return
         count, dimension = len(header.axes[UP].values), header.axes[UP].dimension
         variable = dataset.variables[next(iter(header.names.values()))]
@@ -260,25 +322,36 @@ class CFSamples(WindowedSamples):
         step = chunk or -(-count // LAYER_PARTS)
         for first in range(0, count, step):
             last = min(first + step, count)
-            is_turned = UP in header.turned
-            yield slice(first, last), slice(count - last, count - first) if is_turned else slice(first, last)
+            part = slice(first, last)
+            yield (ALL, ALL, part), mirrored(part, count) if UP in header.turned else part
 
-    def _component(
-        self, header: FileHeader, variable: Any, index: int, layers: slice
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return a component as float32 (E, N, U) in m/s or radians per second, and where it is missing."""
-        at: dict[str, Any] = {name: k for name, k in self.selection.at if name in variable.dims}
+    def _indices(
+        self, header: FileHeader, dims: tuple[str, ...], index: int, box: Box
+    ) -> dict[str, int | slice]:
+        """Return what of each dimension of a variable is read."""
+        at: dict[str, Any] = dict.fromkeys(dims, 0) | dict(self.selection.at)
         if TIME in header.axes:
             at[header.axes[TIME].dimension] = index
-        if UP in header.axes:
-            at[header.axes[UP].dimension] = layers
-        named = {axis.dimension for axis in header.axes.values()}
-        at |= {name: 0 for name in variable.dims if name not in at and name not in named}
-        part = variable.isel(at)
-        raw = np.asarray(part.values)
-        order = [header.axes[axis].dimension for axis in (EAST, NORTH, UP) if axis in header.axes]
-        raw = raw.transpose([part.dims.index(dimension) for dimension in order])
-        for k, axis in enumerate((EAST, NORTH, UP)):
+        at |= {header.axes[axis].dimension: box[k] for k, axis in enumerate(PLACES) if axis in header.axes}
+        return {name: at[name] for name in dims}
+
+    def _component(
+        self,
+        header: FileHeader,
+        variable: Any,
+        index: int,
+        box: Box,
+        grid: ChunkGrid | None = None,
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return a component as float32 (E, N, U) in m/s or radians per second, and where it is missing."""
+        at = self._indices(header, variable.dims, index, box)
+        raw = None if grid is None else grid.values(list(at.values()))
+        if raw is None:
+            raw = np.asarray(variable.isel(at).values)
+        dims = [name for name, part in at.items() if isinstance(part, slice)]
+        order = [header.axes[axis].dimension for axis in PLACES if axis in header.axes]
+        raw = raw.transpose([dims.index(dimension) for dimension in order])
+        for k, axis in enumerate(PLACES):
             if axis not in header.axes:
                 raw = np.expand_dims(raw, k)
             elif axis in header.turned:
@@ -304,7 +377,7 @@ def decoded(
     units = text(attributes, "units") or "m s-1"
     factor = 1.0 if is_number or units == "1" else speed_factor(units)[0]
     with np.errstate(all="ignore"):
-        values = raw.astype(np.float32)
+        values = raw.astype(np.float32, copy=not raw.flags.writeable)
         if (whole := factor * (1.0 if scale is None else scale)) != 1.0:
             values *= np.float32(whole)
         if offset:

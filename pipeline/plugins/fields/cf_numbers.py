@@ -43,6 +43,10 @@ class CFNumbers(CFSamples):
         return SPHERE if self.layout.is_round else FLAT
 
     @property
+    def parts(self) -> None:  # type: ignore[override]
+        return None
+
+    @property
     def settings(self) -> Any:
         return ["numbers", *super().settings]
 

@@ -1,6 +1,6 @@
 """Entries of flows in a shot file: `sampled`, `attraction` and `wind`."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
@@ -26,6 +26,7 @@ from flowsculpt.pipeline.plugins.fields.cf_conventions import DATE, duration
 from flowsculpt.pipeline.plugins.fields.cf_files import CFSamples, cf_samples
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.cf_numbers import CFNumbers
+from flowsculpt.pipeline.plugins.fields.chunked_times import SampledByChunk
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named, is_there
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
@@ -233,6 +234,8 @@ class SampledDocument(FlowParameters):
             self._note_files(*self._span(flow, clock))
             if flow.loop:
                 flow.samples.period  # noqa: B018  # raises the error of times that cannot repeat
+            if self._samples.parts is not None and flow.outside != "repeat":
+                flow = SampledByChunk(**{each.name: getattr(flow, each.name) for each in fields(flow)})
             if flow.samples.is_paced and "time_scale" not in self.model_fields_set:
                 self._note_pace(flow.samples.times)
         return flow

@@ -205,7 +205,7 @@ class GridFileSamples(WindowedSamples):
     def place(self, index: int) -> Any:
         return 0
 
-    def current_files(self, index: int) -> SourceFiles:
+    def current_files(self, index: int, has_velocities: bool = True) -> SourceFiles:
         path = self.paths[index]
         return tuple((each, file_digest(each)) for each in (path, *piece_files(path)))
 

@@ -6,7 +6,7 @@ as two nodes far apart, with the same velocities.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -24,8 +24,16 @@ FLAT, SPHERE, SPHERE_SURFACE, TURNED = range(4)  # as of `Samples`
 COLUMNS = 32
 """Nodes along each horizontal axis that are written at once: files have another order than memory."""
 
+Box = tuple[slice, slice, slice]
+"""Some nodes along three axes."""
+
 FAR = 1000.0
 """Half the length of an axis that the data lack, in the longest length of the others."""
+
+
+def mirrored(part: slice, length: int) -> slice:
+    """Return where a part of an axis is once the axis is turned."""
+    return slice(length - part.stop, length - part.start)
 
 
 @dataclass(frozen=True)
@@ -234,17 +242,35 @@ class GridLayout:
         """Return float32 velocities (X, Y, Z, 3) in C order, all 0."""
         return np.zeros((*map(len, self.axes), 3), np.float32)
 
+    @property
+    def is_plain(self) -> bool:
+        """True if it is a plane with the nodes of the data, as they are."""
+        return not self.is_round and self._columns is None
+
+    def in_scene(self, parts: Sequence[list[slice]]) -> tuple[list[slice], ...]:
+        """Return parts of the axes E, N and U as parts of the axes of a plane."""
+        east, north, up = parts
+        if not self.is_upright:
+            return east, north, up
+        return east, up, [mirrored(part, len(self.axes[2])) for part in reversed(north)]
+
+    def in_data(self, box: Box) -> Box:
+        """Return nodes (X, Y, Z) of a plane as nodes (E, N, U), or reversed axes as these."""
+        x, y, z = box
+        return (x, mirrored(z, len(self.axes[2])), y) if self.is_upright else box
+
     def fill(
         self,
         out: np.ndarray,
-        layers: slice,
+        place: Box,
         components: Mapping[str, np.ndarray],
         missing: np.ndarray | None,
         is_angular: bool,
     ) -> None:
-        """Write velocities, scene units per second, to some layers of `empty`.
+        """Write velocities, scene units per second, to some nodes of `empty`.
 
-        layers      of the axis up of the data that `components` have
+        place       the nodes (E, N, U) of the data that `components` have; all but of U, except on a plane
+                    whose columns are those of the data
         components  of the data by `x`, `y` and `z`, float32 (E, N, U), 0 where they are missing; in m/s, or
                     where `is_angular` the first two in radians per second
         missing     bool (E, N, U); None where there are all
@@ -255,10 +281,10 @@ class GridLayout:
         if columns is not None:
             components = {axis: np.take(values, columns, axis=0) for axis, values in components.items()}
         if self.is_round:
-            self._fill_sphere(out[:, :, layers], layers, components, is_angular)
+            self._fill_sphere(out[:, :, place[2]], place[2], components, is_angular)
         else:
             seen = out.transpose(0, 2, 1, 3)[:, ::-1] if self.is_upright else out
-            self._fill_plane(seen[:, :, layers], components, is_angular)
+            self._fill_plane(seen[place], place[1], components, is_angular)
 
     def fill_numbers(self, out: np.ndarray, layers: slice, values: np.ndarray, known: np.ndarray) -> None:
         """Write numbers to some layers of `empty`: the value where it is known, 1 where it is, and 1.
@@ -290,8 +316,10 @@ class GridLayout:
         given = (here.east, here.north, here.up)
         return tuple(size if axis is not None else np.inf for size, axis in zip(sizes, given, strict=True))  # type: ignore[return-value]
 
-    def _fill_plane(self, out: np.ndarray, components: Mapping[str, np.ndarray], is_angular: bool) -> None:
-        """Write velocities to (E, N, U, 3)."""
+    def _fill_plane(
+        self, out: np.ndarray, rows: slice, components: Mapping[str, np.ndarray], is_angular: bool
+    ) -> None:
+        """Write velocities to (E, N, U, 3), whose second axis has some rows of the data."""
         upright = self.is_upright
         wider: np.ndarray = np.ones((out.shape[1], 1), np.float32)
         if self.coordinates.is_geographic and self.coordinates.north is not None:
@@ -301,7 +329,7 @@ class GridLayout:
                 if is_angular
                 else np.where(cosine > 1e-3, middle / np.maximum(cosine, 1e-3), 0.0)
             )
-            wider = wider[:, None].astype(np.float32)
+            wider = wider[rows, None].astype(np.float32)
         metres = np.float32(self.unit * (EARTH if is_angular else 1.0))
         places = {EAST: 0, NORTH: 2, UP: 1} if upright else {EAST: 0, NORTH: 1, UP: 2}
         factors: dict[str, Any] = {

@@ -27,26 +27,32 @@ class ScratchArrays:
     def __init__(self, shape: tuple[int, ...]) -> None:
         self._shape, self._numbers = shape, set[int]()
 
-    def add(self, number: int, array: np.ndarray) -> None:
-        """Write an array that is not there yet, if the disk has room."""
+    def add(self, number: int, array: np.ndarray, is_written: bool = True) -> np.ndarray | None:
+        """Return the array in the file, where it is not there yet; None where the disk has no room.
+
+        is_written  False only makes room: it is 0
+        """
         try:
             disk = shutil.disk_usage(self._folder)
             if disk.free - array.nbytes < KEPT_FREE * disk.total:
-                return
+                return None
             left, place = array.data.cast("B"), number * array.nbytes
-            while left:
+            if not is_written:
+                os.posix_fallocate(self._file.fileno(), place, array.nbytes)
+            while left and is_written:
                 written = os.pwrite(self._file.fileno(), left, place)
                 left, place = left[written:], place + written
-        except OSError:
-            return
+        except (OSError, AttributeError):  # macOS cannot make room
+            return None
         self._numbers.add(number)
+        return self.get(number)
 
     def get(self, number: int) -> np.ndarray | None:
         """Return an array, of which memory holds what is touched; None where it is not there."""
         if number not in self._numbers:
             return None
         size = 4 * int(np.prod(self._shape))
-        return np.memmap(self._file, np.float32, "r", number * size, self._shape)
+        return np.memmap(self._file, np.float32, "r+", number * size, self._shape)
 
     @cached_property
     def _folder(self) -> str:

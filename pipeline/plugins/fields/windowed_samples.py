@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections import Counter, OrderedDict
+from collections import Counter
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +19,8 @@ from flowsculpt import FrameError, MissingInputError
 from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats, ModelFile
+from flowsculpt.pipeline.plugins.fields.chunked_times import TimeChunks, small_pages
+from flowsculpt.pipeline.plugins.fields.grid_layout import Box
 from flowsculpt.pipeline.plugins.fields.scratch_arrays import ScratchArrays
 
 VERSION = 2
@@ -29,6 +31,8 @@ KEPT, KEPT_BYTES = 2, 1 << 28
 
 ONCE_EACH = 2
 """Times are read for their gradients and for their frames; from the next time on they are kept in a file."""
+
+ONCE_EACH_CHUNK = 1  # jobs, to whom planning has told the gradients, read the chunks of their frames alone
 
 MAX_SPEED = 1e12  # as of any number in a shot file: squares and sums of such numbers stay finite
 
@@ -59,8 +63,11 @@ class WindowedSamples(Samples, ABC):
         """Everything besides the contents of files that decides the velocities, JSON-able."""
 
     @abstractmethod
-    def current_files(self, index: int) -> SourceFiles:
-        """Return the files of a time and their digests, for which nothing is parsed."""
+    def current_files(self, index: int, has_velocities: bool = True) -> SourceFiles:
+        """Return the files of a time and their digests, for which nothing is parsed.
+
+        has_velocities  False leaves out chunks of velocities, where these are files
+        """
 
     @abstractmethod
     def place(self, index: int) -> Any:
@@ -69,6 +76,16 @@ class WindowedSamples(Samples, ABC):
     @abstractmethod
     def read(self, index: int) -> np.ndarray:
         """Return float32 velocities (X, Y, Z, 3) at a time, in C order."""
+
+    parts: tuple[list[slice], ...] | None = None
+    """Along each axis the nodes of the chunks that are read one by one; None where times are read whole."""
+
+    def read_chunk(self, index: int, out: np.ndarray, box: Box) -> SourceFiles:
+        """Write the velocities of a chunk to those of its time; return its files and their digests.
+
+        box  its nodes
+        """
+        raise NotImplementedError
 
     def metric(self, axis: int) -> Floats:
         """Return the distances between neighbours along an axis, to be broadcast to theirs (X, Y, Z)."""
@@ -108,23 +125,47 @@ class WindowedSamples(Samples, ABC):
         return {}
 
     def velocities(self, index: int) -> np.ndarray:
+        return self.chunks(index).whole()
+
+    def chunks(self, index: int) -> TimeChunks:
+        """Return a time, of which those chunks are there that were needed; without `parts` all."""
         with self._lock:
             if index in self._kept:
-                self._kept.move_to_end(index)
                 return self._kept[index]
             while len(self._kept) >= self._room:  # before others take as much memory
-                self._kept.popitem(last=False)
-            if (velocity := self._scratch.get(index)) is None:
-                velocity = self._read(index)
+                del self._kept[max(self._kept, key=lambda each: abs(each - index))]  # its neighbour stays
+            kept = self._scratch.get(index)
+            if kept is None:
                 self._reads[index] += 1
-                if self._reads[index] > ONCE_EACH:
-                    self._scratch.add(index, velocity)
-            self._kept[index] = velocity
-            return velocity
+                velocity = self._read(index)
+                if self._reads[index] > (ONCE_EACH if self.parts is None else ONCE_EACH_CHUNK):
+                    kept = self._scratch.add(index, velocity, self.parts is None)
+            self._kept[index] = self._in_chunks(index, velocity if kept is None else kept, kept is not None)
+            return self._kept[index]
+
+    def _in_chunks(self, index: int, velocity: np.ndarray, is_scratch: bool) -> TimeChunks:
+        """Return a time as its chunks; in the temporary file those that were read are still there."""
+        if self.parts is None:
+            return TimeChunks(velocity)
+        known, states = dict(self.files(index)), self._states.get(index) if is_scratch else None
+
+        def read(out: np.ndarray, box: Box) -> None:
+            self._require_known(self.read_chunk(index, out, box), known)
+            self._require_finite(next(iter(known)), out[box], index)
+
+        chunks = TimeChunks(velocity, self.parts, read, states)
+        if is_scratch:
+            self._states[index] = chunks.states
+        return chunks
 
     @cached_property
-    def _kept(self) -> OrderedDict[int, np.ndarray]:
-        return OrderedDict()
+    def _states(self) -> dict[int, Floats]:
+        """Which chunks of a time are in the temporary file."""
+        return {}
+
+    @cached_property
+    def _kept(self) -> dict[int, TimeChunks]:
+        return {}
 
     @cached_property
     def _reads(self) -> Counter[int]:
@@ -141,13 +182,21 @@ class WindowedSamples(Samples, ABC):
         return Lock()
 
     def _read(self, index: int) -> np.ndarray:
-        files = self.files(index)
-        velocity, now = self.read(index), self.current_files(index)
-        if now != files:
-            changed = next(path for path, digest in set(files) ^ set(now))
-            raise MissingInputError(f"{changed}: it was changed since the work was planned; run again")
-        self._require_finite(files[0][0], velocity, index)
+        """Return the velocities of a time, which with `parts` are 0 and not read yet."""
+        known = self.files(index)
+        if self.parts is not None:
+            self._require_known(self.current_files(index, has_velocities=False), dict(known))
+            return small_pages((*map(len, self.axes), 3))
+        velocity = self.read(index)
+        self._require_known(self.current_files(index), dict(known))
+        self._require_finite(known[0][0], velocity, index)
         return velocity
+
+    @staticmethod
+    def _require_known(now: SourceFiles, known: dict[Path, str]) -> None:
+        for path, digest in now:
+            if known.get(path) != digest:
+                raise MissingInputError(f"{path}: it was changed since the work was planned; run again")
 
     def _require_finite(self, path: Path, velocity: np.ndarray, index: int) -> None:
         """Raise FrameError where a velocity is not a finite number of a reasonable size."""

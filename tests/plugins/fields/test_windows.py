@@ -149,7 +149,7 @@ def test_a_step_across_many_times_holds_two_of_them(
     assert most[0] == 2
 
 
-@pytest.mark.parametrize(("kept_free", "reads"), [(0.0, windowed_samples.ONCE_EACH + 1), (1.0, 5)])
+@pytest.mark.parametrize(("kept_free", "reads"), [(0.0, windowed_samples.ONCE_EACH_CHUNK + 1), (1.0, 5)])
 def test_times_that_are_needed_again_and_again_are_kept_on_the_disk_if_it_has_room(
     store: Path, monkeypatch: pytest.MonkeyPatch, kept_free: float, reads: int
 ) -> None:

@@ -19,6 +19,7 @@ from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCurve
 xarray = pytest.importorskip("xarray")
 windowed_samples = pytest.importorskip("flowsculpt.pipeline.plugins.fields.windowed_samples")
 cf_files = pytest.importorskip("flowsculpt.pipeline.plugins.fields.cf_files")
+chunked_times = pytest.importorskip("flowsculpt.pipeline.plugins.fields.chunked_times")
 cf_headers = pytest.importorskip("flowsculpt.pipeline.plugins.fields.cf_headers")
 grid_layout = pytest.importorskip("flowsculpt.pipeline.plugins.fields.grid_layout")
 
@@ -65,10 +66,10 @@ class Held:
         monkeypatch.setattr(windowed_samples.WindowedSamples, name, counted)
 
 
-def grown(kind: Any, store: Path) -> Any:
+def grown(kind: Any, store: Path, field: Any = Sampled) -> Any:
     """Return what LINE releases in some frames, of which two pass between two times of the samples."""
     samples, _ = cf_files.cf_samples((store,), cf_headers.Selection(), grid_layout.Placing())
-    flow = Streamlines(Sampled(samples, time_scale=12.0, strength=0.25))
+    flow = Streamlines(field(samples, time_scale=12.0, strength=0.25))
     more = (Thresholds(LONGEST),) if kind in (PathSurface, StreakSurface) else (8, LONGEST, 0.02)
     released = kind(LINE, flow, 0.0, *more)
     for frame in range(1, FRAMES + 1):
@@ -83,7 +84,7 @@ def test_a_surface_is_the_same_with_two_times_in_memory_as_with_all(
     whole = grown(kind, store).mesh
     monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
     held = Held(monkeypatch)
-    mesh = grown(kind, store).mesh
+    mesh = grown(kind, store, chunked_times.SampledByChunk).mesh
     np.testing.assert_array_equal(mesh.vertices, whole.vertices)
     np.testing.assert_array_equal(mesh.faces, whole.faces)
     assert set(held.reads) == set(range(FRAMES // 2 + 1)) and held.most == 2
