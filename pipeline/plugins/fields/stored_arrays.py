@@ -167,7 +167,7 @@ def groups_of(path: Path) -> list[str]:
         require_packages(path, "zarr")
         import zarr
 
-        with _reported(path):
+        with reported(path):
             items = zarr.open_group(path, mode="r").members(max_depth=4)
             holders = {name.rpartition("/")[0] for name, item in items if isinstance(item, zarr.Array)}
             return sorted(holders - {""})
