@@ -10,6 +10,9 @@ import sys
 
 MACHINE, INTERRUPTED = 4, 130
 
+MOST_DIGITS = 11
+"""Digits of the largest number in a variable: numpy fails for a year that the system does not know."""
+
 
 def main() -> None:
     """Run the command line."""
@@ -37,6 +40,7 @@ def _start() -> None:
     prepare()
     distrust_working_folder()  # which `python -m` has put first, before anything else is imported
     _require_packages()
+    _require_whole_numbers()
     postpone_collection()
     if asked:
         import_module("flowsculpt.pipeline.plugins.completion.completion_command").write_table()
@@ -64,6 +68,23 @@ def _require_packages() -> None:
             "commands need; install them: pip install 'flowsculpt[film]'\n"
         )
         sys.exit(MACHINE)
+
+
+def _require_whole_numbers() -> None:
+    """End with one line where a variable that numpy or typer reads when it is imported is not a number."""
+    for name in ("NUMPY_MADVISE_HUGEPAGE", "SOURCE_DATE_EPOCH", "TERMINAL_WIDTH"):
+        if not (value := os.environ.get(name, "")).strip():
+            os.environ.pop(name, None)
+            continue
+        try:
+            if len(str(int(value))) > MOST_DIGITS:
+                raise ValueError
+        except ValueError:
+            fact = (
+                f"is {value!r} in the environment, and must be a whole number of up to {MOST_DIGITS} digits"
+            )
+            sys.stderr.write(f"error: {name} {fact}; correct or unset it\n")
+            sys.exit(MACHINE)
 
 
 def _end(number: int, frame: object) -> None:

@@ -99,6 +99,16 @@ def test_numba_that_may_not_compile_is_named(show: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("variable", ["NUMPY_MADVISE_HUGEPAGE", "SOURCE_DATE_EPOCH", "TERMINAL_WIDTH"])
+def test_variables_that_libraries_cannot_read_are_named(show: Path, variable: str) -> None:
+    for value in ("abc", "9" * 20):
+        code, told = in_shell(show, f"{variable}={value} fs flows --help")
+        assert code == 4 and told.startswith(f"error: {variable} is '{value}'") and told.count("\n") == 1
+    code, told = in_shell(show, f"{variable}= fs flows --help")
+    assert code == 0 and "error" not in told
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("variables", [{}, {"COLUMNS": "30"}, {"COLUMNS": "0"}, {"FORCE_COLOR": "1"}])
 def test_a_pipe_gets_tables_in_full(show: Path, variables: dict[str, str]) -> None:
     for words, told in (

@@ -109,7 +109,8 @@ def test_a_material_of_mitsuba_is_written_out_with_what_it_holds(folder: Path) -
         ("{material: clay, colour: b.png}", "a.yaml:5:24: file b.png is not there"),
         ("{material: clay, colour: {file: a.png, space: srbg}}", "Did you mean 'srgb'?"),
         ("{material: glass, colour: a.png}", "look has a picture, and light goes through glass"),
-        ("{material: clay, roughness: a.png}", "a look of diffuse has one roughness"),
+        ("{material: clay, roughness: a.png}", "a.yaml:5:1: look has one roughness"),
+        ("{material: honey, wear: {dust: 0.5}}", "a.yaml:5:1: look shows no wear; those of clay"),
         ("{material: speed, roughness: a.png}", "look has a measure, and pictures from files beside it"),
         ("{material: clay, projection: {kind: box}}", "look has a projection and no picture to project"),
         (

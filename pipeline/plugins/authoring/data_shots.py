@@ -14,12 +14,14 @@ import numpy as np
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import ShotError
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.flows import Sampled
 from flowsculpt.api.frames import Show
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import PRESETS, Shot, read_shot, to_yaml
 from flowsculpt.pipeline.plugins.authoring.land_pictures import around_globe, land_at, over_plate, write_land
 from flowsculpt.pipeline.plugins.authoring.new_files import Content
+from flowsculpt.pipeline.plugins.authoring.sequence_shots import MARKS
 from flowsculpt.pipeline.plugins.authoring.shot_templates import FIT, choice, title_of
 
 SECONDS = 10.0
@@ -66,6 +68,21 @@ subject: {{solid: icosphere}}
 resample: off
 flows: [{{sampled: {sampled}}}]
 """
+
+
+def _require_files(data: Path) -> None:
+    """Raise MissingInputError for a file, or one of a sequence, that is not there or is a Git LFS pointer."""
+    if not data.exists() and (shape := MARKS.sub("*", data.name)) != data.name:
+        fact = "file not found; * stands for the numbers of a sequence"
+        raise MissingInputError(f"{data}: {fact}. Write {shape}, in quotes.")
+    if "**" in data.name:  # which is not a sequence
+        return
+    files = [*data.parent.glob(data.name)] if "*" in data.name else [data]
+    if not files:
+        raise MissingInputError(f"no file matches {data}. Correct the name.")
+    for file in files:
+        if not file.is_dir():
+            InputFile(file, 1 << 42).size()
 
 
 @dataclass(frozen=True)
@@ -119,10 +136,10 @@ def shot_of_data(
 
     all_levels  True shows all depths of a sea; else one that is wide and thin is a map of its surface
 
-    Raises UsageError where nothing moves in it, and what `read_shot` raises where it cannot be read.
+    Raises UsageError where nothing moves in it, MissingInputError where a file is not there, FrameError for
+    velocities that are not finite, and what `read_shot` raises where it cannot be read.
     """
-    if "*" not in data.name and not data.exists():
-        raise MissingInputError(f"{data}: not found; check the path")
+    _require_files(data)
     reference = Path(os.path.relpath(data.absolute(), Show().folder.resolve())).as_posix()
     settings, shot = _placed(data, all_levels)
     field = _field(shot)

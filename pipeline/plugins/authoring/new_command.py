@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from flowsculpt import FlowsculptError, UsageError
+from flowsculpt import FlowsculptError, FrameError, UsageError
 from flowsculpt.api import plugins, plural
 from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
@@ -241,7 +241,10 @@ def _of_files(sequence: str | None, data: Path | None, name: str, alone: bool, a
         option = "--sequence" if data is None else "--data"
         raise UsageError(f"{option} shows files as they are; leave the other options out")
     if data is not None:
-        text, beside, remarks = shot_of_data(data, name, all_levels)
+        try:
+            text, beside, remarks = shot_of_data(data, name, all_levels)
+        except FrameError as error:  # no frame is rendered here
+            raise UsageError(str(error)) from None
     else:
         (text, remarks), beside = shot_of_sequence(str(sequence), name), {}
     return _NewShot(without_shared(text, defaults_of(Show().folder)), beside, remarks)

@@ -17,6 +17,9 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import FIT, choice, ti
 _DIGITS = re.compile(r"-?\d+(?=\D*$)")
 """The number of a file: the last digits of its name without the suffix."""
 
+MARKS = re.compile(r"#+|%0?\d*d|\$F\d*")
+"""Marks that stand for a number in names of other programs: `fluid_####.ply`, Houdini's `fluid_$F4.ply`."""
+
 SHOT = """\
 title: {title}
 frames: {frames}
@@ -74,9 +77,8 @@ def shot_of_sequence(sequence: str, name: str) -> tuple[str, list[str]]:
 
 def _numbered(path: Path) -> tuple[Path, list[int]] | None:
     """Return the pattern of numbered files, and their numbers in order; None for a name of one file."""
-    if not re.search(r"[*#]|%0?\d*d", path.name):
+    if (shape := MARKS.sub("*", path.name)) == path.name and "*" not in shape:
         return None
-    shape = re.sub(r"#+|%0?\d*d", "*", path.name)
     try:
         files = [file for file in path.parent.glob(shape) if not file.name.startswith(".")]
     except (OSError, ValueError):

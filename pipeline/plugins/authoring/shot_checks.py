@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,9 +76,12 @@ def _check_scene(
             found += doubts
         verdict.notes += [f"{verdict.name}: model repaired: {line}" for line in first.repairs]
         verdict.notes += [f"{verdict.name}: model: {line}" for line in first.notes]
+    except FrameError as error:
+        place = ("flows",) if first else ("resample", "max_edge_length")
+        of_flows = [finding for finding in _of_flows(verdict, shot.motion) if finding.is_error]
+        found = of_flows or [Finding(place, str(error), is_error=True)]
     except FlowsculptError as error:
-        place = ("resample", "max_edge_length") if isinstance(error, FrameError) else ("subject", "model")
-        found = [Finding(place, str(error), is_error=True)]
+        found = [Finding(("subject", "model"), str(error), is_error=True)]
     for finding in found:
         line = f"{written.place_of(shot.subject, finding.where)}: {finding.text}"
         if finding.is_error:
@@ -87,10 +91,17 @@ def _check_scene(
     return first
 
 
+def _entries(flow: Any) -> int:
+    """Return how many entries of `flows` a flow holds: those before it too, if it acts around them."""
+    return 1 + (sum(map(_entries, flow.flows)) if flow.acts_around_earlier else 0)
+
+
 def _of_flows(verdict: Verdict, motion: Motion) -> Iterator[Finding]:
     """Yield what flows warn of, or fail for; note the rest."""
-    for k, flow in enumerate(motion.flow.members):
-        where = tuple(int(part) if part.isdigit() else part for part in motion.place_of_flow(k).split("."))
+    entry = -1
+    for flow in motion.flow.members:
+        entry += _entries(flow)
+        where = tuple(int(x) if x.isdigit() else x for x in motion.place_of_flow(entry).split("."))
         where = where[2:] if where[0] == "subjects" else where  # a view adds these
         try:
             for text, is_warning in flow.findings():

@@ -27,7 +27,7 @@ from flowsculpt.pipeline.plugins.fields.cf_headers import (
     read_header,
 )
 from flowsculpt.pipeline.plugins.fields.cf_numbers import name_and_unit
-from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
+from flowsculpt.pipeline.plugins.fields.file_sequences import SEQUENCE, files_named, is_there
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.plugins.fields.vtk_grids import arrays_of
@@ -50,7 +50,8 @@ def data(
     `flowsculpt data ocean.nc` also says dates, extents, what is missing, and the ranges of what colours may
     show.
     """
-    files = files_named(str(file), ParseContext()) if "*" in file.name else (file,)
+    is_one = is_there(file) or not SEQUENCE.search(file.name)
+    files = (file,) if is_one else files_named(str(file), ParseContext())
     facts = _stored(file, files, group) if stored_arrays.is_stored(files[0]) else _grid(file, files)
     facts["new"] = (
         "" if group or not facts["velocity"] else f"flowsculpt new NAME --data {shlex.quote(str(file))}"

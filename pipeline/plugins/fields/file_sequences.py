@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from flowsculpt import UsageError
+from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.shots import ParseContext
@@ -18,15 +18,21 @@ from flowsculpt.pipeline.plugins.fields.stored_arrays import is_zarr
 _INTEGER, _DECIMAL = (re.compile(rf"((?:(?<![^\W_])-)?[0-9]+{rest})") for rest in ("", r"(?:\.[0-9]+)?"))
 """Numbers in names; a minus after a letter or a digit separates, as in wind-3."""
 
+SEQUENCE = re.compile(r"\*|#+|%0?\d*d|\$F\d*")
+"""Marks that stand for a number in names, also those of other programs, such as Houdini's $F4."""
+
 
 def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
     """Return the path of a file, or the paths in order that match a name whose last part has a *.
 
     Whoever reads the files hashes them and notes their digests. Raises UsageError for a name that is none,
-    and a finding for a file that is not there.
+    MissingInputError or a finding for files that are not there.
     """
     if "*" not in name:
         path = context.folder / name
+        if (shape := SEQUENCE.sub("*", path.name)) != path.name and not is_there(path):
+            fact = "* stands for the numbers of a sequence"
+            raise MissingInputError(f"file {shorten(name)} is not there; {fact}. Write {shape}.")
         return (path if is_there(path) else context.file(name),)
     folder = context.folder / Path(name).parent
     try:
@@ -41,7 +47,7 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
         ) from None
     if not paths:
         where = f" in {folder}" if folder != Path() else ""
-        raise UsageError(f"no file matches {shorten(name)}{where}. Correct the name.")
+        raise MissingInputError(f"no file matches {shorten(name)}{where}. Correct the name.")
     return in_order(paths, context.notes.append)
 
 

@@ -228,10 +228,8 @@ def _require_same_grid(
 def _read_file(file: Path, array: str | None, kind: _Kind) -> _FieldFile:
     resolution, is_number = kind
     if file.suffix.lower() not in FORMATS:
-        is_mesh = file.suffix.lower() in MESHES
-        remedy = (
-            "Resample it (Resample To Image) and save it as .vti." if is_mesh else "Save it as one of these."
-        )
+        InputFile(file, MAX_BYTES).size()
+        remedy = OTHER_FORMATS.get(file.suffix.lower(), "Save it as one of these.")
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use "
             f"{', '.join((*FORMATS, *SUFFIXES))}. {remedy}"
@@ -274,7 +272,12 @@ def _numbers(values: np.ndarray) -> np.ndarray:
     return np.stack([np.where(known, values, 0.0), known, np.ones(values.shape)], axis=-1)
 
 
-MESHES = (".pvtu", ".pvts", ".vtk", ".vtp")
+OTHER_FORMATS = {
+    **dict.fromkeys((".pvtu", ".pvts", ".vtk", ".vtp"), "Resample it (Resample To Image), save it as .vti."),
+    ".series": "Name the files that it lists, as 'NAME_*.vti', or save a .pvd in ParaView.",
+    ".zip": "Unzip it, and name the file or Zarr store in it.",
+}
+"""Suffixes of other files that hold fields, and what to do with them."""
 
 
 def _require_one_time(file: Path, velocity: Floats) -> None:

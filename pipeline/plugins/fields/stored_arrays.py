@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
-from flowsculpt.api import shorten
+from flowsculpt.api import shorten, suggest
 from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.fields.windowed_samples import SourceFiles, file_digest
 
@@ -72,6 +72,8 @@ def engine_of(path: Path) -> str:
         return "scipy"
     if head == b"\x89HDF\r\n\x1a\n":
         return "h5netcdf"
+    if head.startswith(b"PK"):
+        raise UsageError(f"{path}: it is a ZIP archive. Unzip it, and name the Zarr store in it.")
     fact = "it is NetCDF of the kind CDF-5" if head[:4] == b"CDF\x05" else "it is neither NetCDF nor HDF5"
     raise UsageError(
         f"{path}: {fact}; NetCDF 3 and 4, HDF5 and Zarr are read. Convert it: nccopy -k nc4 IN OUT."
@@ -105,7 +107,13 @@ def open_dataset(path: Path, group: str | None) -> Any:
         more["consolidated"] = _is_consolidated(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return xarray.open_dataset(str(path), engine=engine, decode_cf=False, cache=False, **more)
+        try:
+            return xarray.open_dataset(str(path), engine=engine, decode_cf=False, cache=False, **more)
+        except Exception as error:  # libraries raise what they like where a group is not there
+            if group is None or group.strip("/") in (known := groups_of(path)):
+                raise
+            remedy = suggest(group, known, cutoff=1.0) if known else "Leave out group."
+            raise UsageError(f"{path}: it has no group {shorten(group)}. {remedy}") from error
 
 
 def _is_consolidated(path: Path) -> bool:

@@ -212,7 +212,7 @@ class Material:
         for name, value in values.items():
             if name not in names and value is not None:
                 refusal = _REFUSALS.get(name, f"does not heed {name}; leave it out")
-                raise BadInputError(f"a look of {self.model} {refusal}")
+                raise BadInputError(f"look {refusal}")
         return replace(self, **{name: value for name, value in values.items() if name in names})
 
     def _require_fractions(self, *names: str) -> None:

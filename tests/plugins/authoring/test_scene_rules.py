@@ -209,6 +209,22 @@ def test_validate_tells_of_a_camera_below_the_floor_of_all_subjects(project: Pro
     assert "below the floor, at the height -0.7" in told and "under the lowest point of all subjects" in told
 
 
+@needs_plugins("contact")
+@pytest.mark.parametrize("several", [False, True])
+def test_a_floor_above_the_subject_is_an_error_at_the_entry_of_contact(
+    project: ProjectFolder, several: bool
+) -> None:
+    subject = "subject: {solid: box, size: [1, 3, 1]}"
+    if several:
+        subject = "subjects:\n  one: {solid: box, size: [1, 3, 1]}"
+    flows = "flows:\n  - rotation: {speed: 3}\n  - contact: {floor: 0}\n"
+    text = f"title: A\nframes: 1-4\nresample: {{max_edge_length: 0.4}}\n{subject}\n{flows}look: clay\n"
+    project.shot.write_text(text)
+    (checked,) = json.loads(project.call("--json", "validate", project.shot.stem).out)
+    place = text[: text.index("- contact")].count("\n") + 1
+    assert f"{project.shot.name}:{place}:" in the_only(checked["errors"])
+
+
 @needs_plugins("interchange")
 def test_a_sun_behind_the_wall_of_the_stage_is_told_and_the_remedy_serves(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")

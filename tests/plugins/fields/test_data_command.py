@@ -116,7 +116,57 @@ def test_sequences_and_their_arrays_are_listed_as_shots_name_them(tmp_path: Path
     ):
         assert line in said, said
     code, said = commanded(tmp_path, "data", str(tmp_path / "waves_*.vti"))
-    assert code == 2 and "no file matches" in said
+    assert code == 3 and "no file matches" in said
+
+
+POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{7:064}\nsize 12345\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "exit_code", "remedy"),
+    [
+        ("a.nc", POINTER, 3, "Run git lfs pull."),
+        ("a.abc", POINTER, 3, "Run git lfs pull."),
+        ("*.nc", POINTER, 3, "Run git lfs pull."),
+        ("a.vti.series", "{}", 2, "Name the files that it lists, as 'NAME_*.vti'"),
+        ("a.zarr.zip", "PK", 2, "Unzip it"),
+        ("a.zarr", "PK\3\4", 2, "Unzip it"),
+        ("wind_$F4.vti", "", 3, "Write wind_*.vti"),
+        ("wind_####.vti", "", 3, "Write wind_*.vti"),
+        ("absent", "", 3, "file not found"),
+        ("absent_*.vti", "", 3, "Correct the name."),
+    ],
+)
+def test_data_and_new_refuse_a_file_with_one_exit_code_and_a_remedy(
+    tmp_path: Path, name: str, content: str, exit_code: int, remedy: str
+) -> None:
+    if content:
+        (tmp_path / name.replace("*", "a")).write_text(content)
+    for words in (("data",), ("new", "N010_new", "--data")):
+        code, said = commanded(tmp_path, *words, str(tmp_path / name))
+        assert (code, remedy in " ".join(said.split())) == (exit_code, True), said
+
+
+def test_velocities_that_are_too_large_are_bad_usage(tmp_path: Path) -> None:
+    axis, dims = np.linspace(0.0, 1.0, 4), ("time", "z", "y", "x")
+    axes = {name: (name, axis, {"units": "m"}) for name in "xyz"}
+    fast = {name: (dims, np.full((2, 4, 4, 4), 1e20), {"units": "m s-1"}) for name in "uvw"}
+    times = ("time", [0.0, 1.0], {"units": "seconds since 2000-01-01"})
+    xarray.Dataset(fast, {**axes, "time": times}).to_netcdf(tmp_path / "fast.nc", engine="h5netcdf")
+    code, said = commanded(tmp_path, "new", "N010_new", "--data", str(tmp_path / "fast.nc"))
+    assert code == 2 and "samples must be finite" in said
+
+
+def test_a_group_that_is_not_there_lists_those_that_are(ocean: Path, tmp_path: Path) -> None:
+    with xarray.open_dataset(ocean, engine="h5netcdf", decode_cf=False) as data:
+        for name in ("deep/sea", "coast"):
+            data.to_netcdf(tmp_path / "groups.nc", engine="h5netcdf", group=name, mode="a")
+            data.to_zarr(tmp_path / "groups.zarr", group=name, mode="a", zarr_format=2)
+    for file in ("groups.nc", "groups.zarr"):
+        code, said = commanded(tmp_path, "data", str(tmp_path / file), "--group", "coats")
+        assert code == 2 and "it has no group coats. There are: coast, deep/sea." in " ".join(said.split())
+    code, said = commanded(tmp_path, "data", str(ocean), "--group", "coast")
+    assert code == 2 and "it has no group coast. Leave out group." in " ".join(said.split())
 
 
 def test_grids_of_arrays_are_listed_too(tmp_path: Path) -> None:

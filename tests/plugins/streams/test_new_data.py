@@ -239,7 +239,7 @@ def test_data_without_motion_or_beside_other_sources_are_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     code, said = begun(tmp_path, "missing.nc")
-    assert code == 3 and "missing.nc: not found; check the path" in said
+    assert code == 3 and "missing.nc: file not found; check the path" in said
     write_gyre(tmp_path / "still.npz", speed=0.0)
     code, said = begun(tmp_path, "still.npz")
     assert code == 2 and "still.npz: nothing moves at its first time" in said
