@@ -229,9 +229,7 @@ class FlowMap:
                 for part in _joined([*self._parts, *self._last]):
                     points = part.apply(points)
             if not np.isfinite(points).all():
-                points = reduce(
-                    lambda moved, step: step.apply(moved), self._steps, rest_points
-                )  # or it raises
+                points = reduce(lambda moved, step: step.apply(moved), self._steps, rest_points)
         except FrameError as error:
             raise FrameError(f"on the way from the rest surface: {error}", self._steps[-1].frame) from error
         return points
