@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -228,8 +229,7 @@ class FlowMap:
                 for part in _joined([*self._parts, *self._last]):
                     points = part.apply(points)
             if not np.isfinite(points).all():
-                for step in self._steps:  # so that the failing frame raises
-                    rest_points = step.apply(rest_points)
+                points = reduce(lambda moved, step: step.apply(moved), self._steps, rest_points)
         except FrameError as error:
             raise FrameError(f"on the way from the rest surface: {error}", self._steps[-1].frame) from error
         return points

@@ -140,6 +140,7 @@ class VelocityField(ABC):
             in_threads(velocities, op.BLOCK, *given)
         else:
             velocities(*given)
+        table_of(program)  # its numbers raise what a kernel could not
         return out
 
 
@@ -273,8 +274,7 @@ class Sensitivity(NamedTuple):
 def sensitivity(field: VelocityField, cost_of: Callable[[VelocityField], float], time: float) -> Sensitivity:
     """Return the parameters of a field, at a time, that lower its cost most clearly."""
     assert is_dataclass(field) and not isinstance(field, type)
-    raised: list[tuple[str, float]] = []
-    lowered: list[tuple[str, float]] = []
+    raised, lowered = list[tuple[str, float]](), list[tuple[str, float]]()
     now = cost_of(field)
     for parameter in parameters_of(type(field)):
         if parameter.form not in ("number", "constant"):

@@ -56,7 +56,7 @@ class Contact(Flow):
     def cache_data(self, time: float, dt: float) -> Any:
         ends = [self.numbers(t) for t in (time, time + dt)]
         data = {"plugin": [PLUGIN.name, PLUGIN.version], "keep_volume": self.keep_volume, "ends": ends}
-        others = {"has_floor": self.has_floor, "side": self.side, "relief": 2}
+        others = {"has_floor": self.has_floor, "side": self.side, "relief": 3}
         return {**data, **others} if self.others else data
 
     def numbers(self, time: float) -> list[float | None]:

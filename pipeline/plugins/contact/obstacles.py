@@ -55,8 +55,12 @@ class OtherSurface(MovedPoints):
 
     @cached_property
     def samples(self) -> MovedPoints:
-        """Up to SAMPLES of its vertices, which tell whether it keeps its shape."""
-        return MovedPoints(self.flow, self.mesh.vertices[:: -(-len(self.mesh.vertices) // SAMPLES)])
+        """Up to SAMPLES of its vertices, which tell whether it keeps its shape.
+
+        They are drawn at random: of a grid, one in so many may all be in a few columns.
+        """
+        order = np.random.default_rng(1).permutation(len(self.mesh.vertices))
+        return MovedPoints(self.flow, self.mesh.vertices[order[:SAMPLES]])
 
     def rest_points(self) -> Floats:
         return np.ascontiguousarray(self.mesh.vertices)

@@ -8,7 +8,7 @@ import mmap
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from itertools import product
 from operator import attrgetter, methodcaller
 from threading import Lock
@@ -19,15 +19,16 @@ from llvmlite import ir
 from numba import carray, types
 from numba.extending import intrinsic
 
-from flowsculpt.api.flows import Sampled, block_kernel, kernel
+from flowsculpt.api.flows import Sampled, StableProperty, block_kernel, kernel
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.fields.grid_layout import Box
 
-ABSENT, WANTED, READ = 0.0, 1.0, 2.0  # states of a chunk
+IS_READ, IS_WANTED, READING, SAMPLED, COUNTS, ENDS = 0, 1, 2, 3, 4, 7
+"""What a table has: addresses of the arrays of `TimeChunks`, of what reads chunks and of the kernel of
+`Sampled`; the numbers of chunks along the axes; and for each chunk along an axis the least and the largest
+coordinate of points that need it."""
 
-STATES, READING, SAMPLED, COUNTS, ENDS = 0, 1, 2, 3, 6
-"""What a table has: addresses of the states, of what reads chunks and of the kernel of `Sampled`; the numbers
-of chunks along the axes; and for each of these chunks between which coordinates points need it."""
+TRIES = 2  # Ctrl-C may end the first one before it begins
 
 _DOUBLES = types.CPointer(types.float64)
 
@@ -60,18 +61,18 @@ def floats_at(address: int) -> Floats:
 def is_lacking(
     table: Floats, marks: bool, x0: float, x1: float, y0: float, y1: float, z0: float, z1: float
 ) -> bool:
-    """Tell whether a chunk that points between two corners need was not read; `marks`: it gets WANTED."""
-    states, lacking = floats_at(int(table[STATES])), False
+    """Tell whether a chunk was not read that points between two corners need; `marks`: have it read."""
+    is_read, is_wanted, lacking = floats_at(int(table[IS_READ])), floats_at(int(table[IS_WANTED])), False
     nx, ny, nz = int(table[COUNTS]), int(table[COUNTS + 1]), int(table[COUNTS + 2])
     y, z = ENDS + 2 * nx, ENDS + 2 * (nx + ny)
     for i in range(nx):
         for j in range(ny if table[ENDS + 2 * i] <= x1 and x0 <= table[ENDS + 2 * i + 1] else 0):
             for k in range(nz if table[y + 2 * j] <= y1 and y0 <= table[y + 2 * j + 1] else 0):
                 at = (i * ny + j) * nz + k
-                if states[at] != READ and table[z + 2 * k] <= z1 and z0 <= table[z + 2 * k + 1]:
+                if is_read[at] == 0.0 and table[z + 2 * k] <= z1 and z0 <= table[z + 2 * k + 1]:
                     lacking = True
                     if marks:
-                        states[at] = WANTED
+                        is_wanted[at] = 1.0
     return lacking
 
 
@@ -79,7 +80,7 @@ def is_lacking(
 def sampled_by_chunk(
     numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
 ) -> None:
-    """Read the chunks that points need; then do what `sampled` does.
+    """Read the chunks that points need; then do what `sampled` does. Where one fails, velocities are NaN.
 
     Numbers: those of `sampled`, and the addresses of the tables of both times, 9 and 10.
     """
@@ -89,23 +90,31 @@ def sampled_by_chunk(
         px, py, pz = (x[i] - cx) * shrink, (y[i] - cy) * shrink, (z[i] - cz) * shrink
         x0, y0, z0 = min(x0, px), min(y0, py), min(z0, pz)
         x1, y1, z1 = max(x1, px), max(y1, py), max(z1, pz)
+    failed = False
     for which in range(2 if numbers[3] > 0.0 else 1):
-        table, lacking = floats_at(int(numbers[9 + which])), False
-        if is_lacking(table, False, x0, x1, y0, y1, z0, z1):  # seldom, so that points are seldom looked at
+        table, tries = floats_at(int(numbers[9 + which])), 0
+        lacking = is_lacking(table, False, x0, x1, y0, y1, z0, z1)  # seldom: points are seldom looked at
+        while lacking and tries <= TRIES:
+            lacking = False
             for i in range(count):
                 px, py, pz = (x[i] - cx) * shrink, (y[i] - cy) * shrink, (z[i] - cz) * shrink
                 lacking |= is_lacking(table, True, px, px, py, py, pz, pz)
-        if lacking:
-            _call(int(table[READING]), numbers, count, x, y, z, t, u, v, w)
+            if lacking and tries < TRIES:
+                _call(int(table[READING]), numbers, count, x, y, z, t, u, v, w)
+            tries += 1
+        failed |= lacking
     _call(int(floats_at(int(numbers[9]))[SAMPLED]), numbers, count, x, y, z, t, u, v, w)
+    for i in range(count if failed else 0):
+        u[i], v[i], w[i] = np.nan, np.nan, np.nan
 
 
 class TimeChunks:
     """Velocities (X, Y, Z, 3) at one time, of which chunks are read when a kernel first needs them.
 
-    parts   along each axis the nodes of chunks
-    read    writes the nodes of a chunk to the velocities, and may raise anything
-    states  (C,) ABSENT, WANTED or READ of each chunk in C order
+    parts      along each axis the nodes of chunks
+    read       writes the nodes of a chunk to the velocities, and may raise anything
+    is_read    (C,) 1 for each chunk that was read, in C order, else 0; kernels read it
+    is_wanted  (C,) 1 for each chunk that a kernel has needed; a chunk that could not be read is 0 again
     """
 
     def __init__(
@@ -113,11 +122,12 @@ class TimeChunks:
         velocity: np.ndarray,
         parts: tuple[list[slice], ...] = (),
         read: Callable[[np.ndarray, Box], None] = lambda out, box: None,
-        states: Floats | None = None,
+        is_read: Floats | None = None,
     ) -> None:
         self._velocity, self._parts, self._read = velocity, parts, read
         self._boxes: list[Any] = list(product(*parts))
-        self.states = np.full(len(self._boxes), ABSENT) if states is None else states
+        self.is_read = np.zeros(len(self._boxes)) if is_read is None else is_read
+        self.is_wanted = np.zeros(len(self._boxes))
         self._lock, self._tables = Lock(), dict[int, Floats]()
         self._failure: BaseException | None = None
 
@@ -132,25 +142,28 @@ class TimeChunks:
     def whole(self) -> np.ndarray:
         """Return the velocities with all chunks."""
         with self._lock:
-            self._fill(self.states != READ)
+            self._fill(np.flatnonzero(self.is_read == 0.0))
         return self._velocity
 
     def _fill(self, chosen: np.ndarray) -> None:
-        for k in np.flatnonzero(chosen):
+        for k in chosen:
             self._read(self._velocity, self._boxes[k])
-            self.states[k] = READ
+            self.is_read[k] = 1.0
 
     def _fill_wanted(self) -> None:
-        """Read what a kernel wants, or make it NaN: whoever finds points that are NaN asks again, and why."""
-        with self._lock:
-            try:
-                self._fill(self.states == WANTED)
-            except BaseException as error:  # also Ctrl-C: kernels pass nothing on
-                self._failure = error
-                for k in np.flatnonzero(self.states == WANTED):
-                    self._velocity[self._boxes[k]] = np.nan
+        """Read what kernels want. They raise nothing; who finds NaN asks for `velocity`, which does."""
+        try:
+            with self._lock:
+                chosen = np.flatnonzero((self.is_wanted > 0.0) & (self.is_read == 0.0))
+                try:
+                    self._fill(chosen)
+                except BaseException:
+                    self.is_wanted[chosen] = 0.0  # so that it does not stop points elsewhere
+                    raise
+        except BaseException as error:  # also Ctrl-C
+            self._failure = self._failure or error
 
-    @cached_property
+    @StableProperty
     def _reading(self) -> Any:
         three, fill = [ctypes.c_void_p] * 3, weakref.WeakMethod(self._fill_wanted)  # in no cycle
         kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, *three, ctypes.c_double, *three)
@@ -170,8 +183,9 @@ class TimeChunks:
                     ends.append(axis[low] if low > 0 else -np.inf)
                     ends.append(axis[high] if high < len(axis) - 1 else np.inf)
             reading = ctypes.cast(self._reading, ctypes.c_void_p).value
-            addresses = self.states.ctypes.data, reading, Sampled.block.address
-            self._tables[more] = np.array([*addresses, *map(len, self._parts), *ends], np.float64)
+            states = self.is_read.ctypes.data, self.is_wanted.ctypes.data
+            table = [*states, reading, Sampled.block.address, *map(len, self._parts), *ends]
+            self._tables.setdefault(more, np.array(table, np.float64))  # threads get the same one
         return self._tables[more]
 
 
@@ -185,17 +199,16 @@ def small_pages(shape: tuple[int, ...]) -> np.ndarray:
 
 
 class _Address:
-    """The address of an array of a time, which is opened when a table takes it, and kept from then on."""
+    """The address of an array of a time, which is opened when a table takes it, and kept from then on.
+
+    Each time that it is taken it raises what reading a chunk has raised since.
+    """
 
     def __init__(self, opened: Callable[[], TimeChunks], make: Callable[[TimeChunks], np.ndarray]) -> None:
         self._opened, self._make = opened, make
 
-    @cached_property
-    def _array(self) -> np.ndarray:
-        return self._make(self._opened())
-
     def __float__(self) -> float:
-        return float(self._array.ctypes.data)
+        return float(self._make(self._opened()).ctypes.data)
 
 
 @dataclass(frozen=True)
@@ -211,11 +224,6 @@ class SampledByChunk(Sampled):
     @property
     def name(self) -> str:
         return "sampled"
-
-    def velocity(self, points: Floats, time: float) -> Floats:
-        found = super().velocity(points, time)
-        list(map(float, self.numbers(time)))  # raises why a chunk could not be read
-        return found
 
     def numbers(self, time: float) -> tuple[Any, ...]:
         memory, _, _, share, *place = super().numbers(time)

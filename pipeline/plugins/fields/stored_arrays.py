@@ -273,7 +273,7 @@ class ChunkGrid:
         return self.path(first // size for first, size in zip(firsts, self.sizes, strict=True))
 
     def values(self, at: Sequence[int | slice]) -> np.ndarray | None:
-        """Return the values at indices in one chunk; None where only zarr reads it.
+        """Return the values at indices in one chunk; None where only zarr reads it. Raises UsageError.
 
         zarr takes up to seven times as long for 500 kB, most of it to pass them between threads.
         """
@@ -281,15 +281,16 @@ class ChunkGrid:
         is_there = path.is_file()
         if self.dtype is None or not (is_there or self.fill is not None):
             return None
-        if not is_there:
-            values = np.full(self.sizes, self.fill, self.dtype)
-        elif self.codec:
-            from numcodecs import get_codec
+        with reported(path):
+            if not is_there:
+                values = np.full(self.sizes, self.fill, self.dtype)
+            elif self.codec:
+                from numcodecs import get_codec
 
-            values = np.empty(self.sizes, self.dtype)
-            get_codec({"id": self.codec}).decode(path.read_bytes(), out=values)
-        else:
-            values = np.fromfile(path, self.dtype).reshape(self.sizes)
+                content = get_codec({"id": self.codec}).decode(path.read_bytes())
+                values = np.frombuffer(content, self.dtype).reshape(self.sizes)
+            else:
+                values = np.fromfile(path, self.dtype).reshape(self.sizes)
         inside = [
             slice(part.start % size, part.start % size + part.stop - part.start)
             if isinstance(part, slice)

@@ -17,7 +17,7 @@ import numpy as np
 
 from flowsculpt import FrameError, MissingInputError
 from flowsculpt.api.files import CachedAnswer
-from flowsculpt.api.flows import Samples
+from flowsculpt.api.flows import Samples, StableProperty
 from flowsculpt.api.meshes import Floats, ModelFile
 from flowsculpt.pipeline.plugins.fields.chunked_times import TimeChunks, small_pages
 from flowsculpt.pipeline.plugins.fields.grid_layout import Box
@@ -147,20 +147,20 @@ class WindowedSamples(Samples, ABC):
         """Return a time as its chunks; in the temporary file those that were read are still there."""
         if self.parts is None:
             return TimeChunks(velocity)
-        known, states = dict(self.files(index)), self._states.get(index) if is_scratch else None
+        known, is_read = dict(self.files(index)), self._in_scratch.get(index) if is_scratch else None
 
         def read(out: np.ndarray, box: Box) -> None:
             self._require_known(self.read_chunk(index, out, box), known)
             self._require_finite(next(iter(known)), out[box], index)
 
-        chunks = TimeChunks(velocity, self.parts, read, states)
+        chunks = TimeChunks(velocity, self.parts, read, is_read)
         if is_scratch:
-            self._states[index] = chunks.states
+            self._in_scratch[index] = chunks.is_read
         return chunks
 
     @cached_property
-    def _states(self) -> dict[int, Floats]:
-        """Which chunks of a time are in the temporary file."""
+    def _in_scratch(self) -> dict[int, Floats]:
+        """Which chunks of a time are in the temporary file, as `TimeChunks.is_read`."""
         return {}
 
     @cached_property
@@ -177,7 +177,7 @@ class WindowedSamples(Samples, ABC):
         """Times that are needed again and again, as where vertices are born on surfaces from seeds."""
         return ScratchArrays((*map(len, self.axes), 3))
 
-    @cached_property
+    @StableProperty
     def _lock(self) -> Lock:
         return Lock()
 

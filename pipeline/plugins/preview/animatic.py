@@ -79,11 +79,15 @@ class Animatic:
 
     def pictures(self, tell: FrameCallback) -> Iterator[Picture]:
         """Yield the requested frames in ascending order, in the size and colours of a movie."""
-        numbers = sorted(set(self.sketch.request.requested))
-        framed, left = self._frame_pictures(set(numbers[:: self.every]), tell), len(numbers)
+        framed, left = self._frame_pictures(self._drawn, tell), len(set(self.sketch.request.requested))
         for picture in self._pictures(framed, self.movie_size, "rec709"):
             yield from itertools.repeat(picture, min(self.every, left))
             left -= self.every
+
+    @property
+    def _drawn(self) -> set[int]:
+        """The frames that a movie shows."""
+        return set(sorted(set(self.sketch.request.requested))[:: self.every])
 
     @property
     def movie_size(self) -> tuple[int, int]:
@@ -92,6 +96,10 @@ class Animatic:
     def played_for_still(self, number: int) -> list[int]:
         """Return the frames that must be simulated to draw one: none after it."""
         return [n for n in self.played({number}) if n <= number]
+
+    def played_for_movie(self) -> list[int]:
+        """Return the frames that must be simulated to draw a movie."""
+        return self.played(self._drawn)
 
     def played(self, asked: Set[int]) -> list[int]:
         """Return the frames whose surfaces the requested ones and their cameras depend on.

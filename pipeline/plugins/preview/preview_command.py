@@ -158,7 +158,7 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, eve
         with SurfaceStream(store, once=True) as stream:
             make_folder(path.parent)
             animatic = Animatic(sketch, stream, every)
-            played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
+            played = animatic.played_for_movie() if at is None else animatic.played_for_still(at)
             with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
                 if not all(stream.knows(sketch.request, number) for number in played):
                     _warn_of_cost(sketch.request, max(played))
@@ -182,7 +182,7 @@ def _draw_film(
         with ExitStack() as stack:
             streams = [stack.enter_context(SurfaceStream(store, once=True)) for _ in sketches]
             clips = [Animatic(*each, every) for each in zip(sketches, streams, strict=True)]
-            played = sum(len(clip.played(set(clip.sketch.request.requested))) for clip in clips)
+            played = sum(len(clip.played_for_movie()) for clip in clips)
             with _bars(common, clips, {"simulating": played, "drawing": edit.length}) as report:
                 write_film_animatic(edit, clips, path, report)
     _print_notes(sketches)
@@ -225,8 +225,8 @@ def _redraw(
             added = files_of(sketch.request.source) - watched
             watched, before = watched | added, before | stamp(added)
             animatic = Animatic(sketch, stream, every)
-            requested = set(sketch.request.requested)
-            totals = {"simulating": len(animatic.played(requested)), "drawing": len(requested)}
+            drawing = len(set(sketch.request.requested))
+            totals = {"simulating": len(animatic.played_for_movie()), "drawing": drawing}
             with _bars(common, [animatic], totals) as report:
                 _report(common, movie, animatic.movie(movie, report))
         except FlowsculptError as error:

@@ -194,6 +194,21 @@ def test_a_relief_fits_the_subject_and_turns_with_one_that_turns_about_the_side_
         assert (np.abs(axes - obstacle.axes).max() > 0.05) == turns
 
 
+def test_a_relief_shows_what_moves_between_the_columns_of_a_fine_grid(tmp_path):
+    rows = np.linspace(-0.8, 0.8, 128)
+    lines = [f"v {x:.6f} 0 {z:.6f}" for z in rows for x in rows]
+    lines += [f"f {k} {k + 128} {k + 129} {k + 1}" for k in range(1, 127 * 128) if k % 128]
+    (tmp_path / "grid.obj").write_text("\n".join(lines), encoding="utf-8")
+    region = "{sphere: {radius: 0.18, centre: [0.6, 0, 0.6]}}"
+    bump = f"{{within: {{region: {region}, flows: [{{translation: {{rate: [0, 1, 0]}}}}]}}}}"
+    block = "solid: box, size: [1.6, 0.8, 1.6], place: [0, -0.4, 0]BLOCK"
+    text = TOGETHER.replace(block, f"model: grid.obj, flows: [{bump}]")
+    (tmp_path / "A010_grid.yaml").write_text(text.replace("CONTACT", "{others: [block]}"), encoding="utf-8")
+    (obstacle,) = read_shot(tmp_path / "A010_grid.yaml").of_subject("ball").motion.flow.members[0].obstacles
+    _, heights = obstacle.relief(0.2, 1.0)
+    assert heights.at(np.array([[0.6, 0.0, 0.6]]) @ obstacle.axes.T)[0] > 0.1
+
+
 def test_far_from_the_other_subject_nothing_moves():
     press = press_of("block", (0.0, 1.0, 0.0), 0.5, 0.4, True)
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 3)) * 0.5

@@ -13,13 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow import Streamlines, Sum
+from flowsculpt.pipeline.flow.catalogue.basic import Translation
 from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.flow.flow_map import checked_displacement
 from flowsculpt.pipeline.plugins.fields import windowed_samples
 from flowsculpt.pipeline.plugins.fields.cf_files import CFSamples, cf_samples
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
-from flowsculpt.pipeline.plugins.fields.chunked_times import READ, SampledByChunk
+from flowsculpt.pipeline.plugins.fields.chunked_times import SampledByChunk, TimeChunks
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.plugins.fields.stored_arrays import ChunkGrid
 from flowsculpt.pipeline.shot import read_shot
@@ -59,7 +60,7 @@ def samples_of(store: Path, placing: Placing = Placing()) -> CFSamples:  # noqa:
 
 
 def chunks_read(samples: CFSamples, index: int = 0) -> int:
-    return int((samples.chunks(index).states == READ).sum())
+    return int(samples.chunks(index).is_read.sum())
 
 
 def by_chunk(field: Sampled) -> SampledByChunk:
@@ -112,7 +113,7 @@ def test_a_point_reads_the_chunks_of_its_nodes_alone(
     field.velocity(np.array([[x, 0.0, 0.0]]), 0.0)
     assert chunks_read(samples) == count
     field.velocity(np.random.default_rng(1).uniform(-1.0, 1.0, (500, 3)), 0.0)
-    assert chunks_read(samples) == len(samples.chunks(0).states) == 27
+    assert chunks_read(samples) == len(samples.chunks(0).is_read) == 27
 
 
 CODECS_2 = [
@@ -186,6 +187,57 @@ def test_a_chunk_that_changes_stops_the_points_that_touch_it_alone(
             checked_displacement(flow, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.9]]), 0.0, 0.2, 1)
     with pytest.raises(FlowsculptError, match="run again"):
         flow.field.velocity(np.array([[0.0, 0.0, 0.9]]), 0.0)
+
+
+@pytest.mark.parametrize("codec", CODECS_2[1:6])
+@pytest.mark.parametrize("length", [0, 4**3 * 2])
+def test_a_chunk_of_too_few_numbers_is_an_error_that_names_it(
+    tmp_path: Path, codec: Any, length: int
+) -> None:
+    store = write(tmp_path, zarr_format=2, encoding={"compressors": codec})
+    (store / "v" / "0.1.1.1").write_bytes(bytes(codec.encode(bytes(length))) if length else b"")
+    with pytest.raises(FlowsculptError, match=r"v/0\.1\.1\.1: it cannot be read .*Write or copy it again"):
+        samples_of(store).velocities(0)
+
+
+@pytest.mark.parametrize("substeps", [None, 3])
+def test_a_chunk_that_cannot_be_read_stops_its_points_alone_until_it_can(
+    tmp_path: Path, substeps: int | None
+) -> None:
+    store, points = write(tmp_path, (12, 12, 12)), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.9]])
+    flow = Streamlines(Sum((SampledByChunk(samples_of(store), strength=0.01), Translation())), substeps)
+    chunk = store / "u" / "c" / "0" / "2" / "1" / "1"
+    content = chunk.read_bytes()
+    flow.field.fields[0].samples.slopes(0), flow.field.fields[0].samples._kept.clear()
+    chunk.write_bytes(content[:-4])
+    for _ in range(2):
+        with pytest.raises(FlowsculptError, match="2/1/1: it cannot be read"):
+            checked_displacement(flow, points, 0.0, 0.2, 1)
+        with pytest.raises(FlowsculptError, match="2/1/1: it cannot be read"):
+            flow.field.velocity(points, 0.0)
+        assert np.isfinite(checked_displacement(flow, np.full((1, 3), -0.9), 0.0, 0.2, 1)).all()
+    chunk.write_bytes(content)
+    whole = Streamlines(Sum((Sampled(samples_of(store), strength=0.01), Translation())), substeps)
+    np.testing.assert_array_equal(
+        checked_displacement(flow, points, 0.0, 0.2, 1), whole.displace(points, 0.0, 0.2)
+    )
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_ctrl_c_before_a_chunk_is_read_leaves_no_velocity_wrong(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, point, ends = write(tmp_path), np.zeros((1, 3)), [KeyboardInterrupt]
+    original = TimeChunks._fill_wanted
+
+    def interrupted(chunks: TimeChunks) -> None:
+        if ends:
+            raise ends.pop()
+        original(chunks)
+
+    monkeypatch.setattr(TimeChunks, "_fill_wanted", interrupted)
+    found = SampledByChunk(samples_of(store)).velocity(point, 0.0)
+    np.testing.assert_array_equal(found, Sampled(samples_of(store)).velocity(point, 0.0))
 
 
 def test_a_chunk_that_is_needed_again_and_again_is_kept_in_the_temporary_file(

@@ -258,6 +258,15 @@ def test_a_movie_of_every_fourth_frame_holds_each_and_is_as_long(root: Path) -> 
     assert not np.array_equal(whole[0], whole[4])
 
 
+def test_the_progress_of_a_movie_of_every_fourth_frame_ends_at_its_total(root: Path) -> None:
+    request, told = take_of(root, *LONG), list[tuple[str, int]]()
+    part = replace(request, requested=FrameRange([74, 75, 76]))
+    with SurfaceStream(Project(root, 2).store) as stream:
+        animatic = Animatic(Sketch(part), stream, 4)
+        assert len(list(animatic.pictures(partial(said, told)))) == 3
+    assert [n for what, n in told if what == "simulating"] == animatic.played_for_movie()
+
+
 def test_of_a_range_no_frame_is_shaded_that_neither_picture_nor_camera_shows(root: Path) -> None:
     request, told = take_of(root, *LONG), list[tuple[str, int]]()
     part = replace(request, requested=FrameRange([75]))
