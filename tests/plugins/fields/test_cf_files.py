@@ -646,7 +646,7 @@ NAMED: dict[str, tuple[dict[str, Any], str]] = {
         r"variable uu is not there\. There are: lat, lon",
     ),
     "an index beyond the end": ({"at": (("time", 3),)}, "at names index 3 of time, which has 3"),
-    "a group that is not there": ({"group": "b"}, "it cannot be read"),
+    "a group that is not there": ({"group": "b"}, r"it has no group b\. Leave out group"),
     "a dimension that is not there": (
         {"at": (("tine", 0),)},
         "at names tine, which is not a dimension of its velocities. Did you mean 'time'\\?$",

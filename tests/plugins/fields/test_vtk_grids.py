@@ -161,5 +161,6 @@ def test_names_outside_of_the_folder_and_meshes_are_refused(tmp_path: Path) -> N
     )
     with pytest.raises(UsageError, match=r"it names \.\./b\.vti, which is not beside it"):
         read_samples((file,))
+    (tmp_path / "a.vtp").write_text("<VTKFile type='PolyData'/>")
     with pytest.raises(UsageError, match=r"\.vtp is not a format of fields.*\(Resample To Image\)"):
         read_samples((tmp_path / "a.vtp",))
