@@ -158,7 +158,7 @@ class TimeUnits:
     def of(cls, attributes: Mapping[str, Any], times: Sequence[float]) -> TimeUnits:
         """Return the units of a time coordinate, of ascending times (§4.4). Raises ConventionError."""
         units, calendar = text(attributes, "units"), text(attributes, "calendar").lower() or "standard"
-        calendar = "standard" if calendar == "utc" else calendar  # but for leap seconds, which cftime lacks
+        calendar = "standard" if calendar == "utc" else calendar  # except leap seconds, which cftime lacks
         unit, _, since = units.partition(" since ")
         name, since = unit.strip().lower(), since.strip()
         if re.fullmatch(r"months?|years?|common_years?|mon|yr", name):
