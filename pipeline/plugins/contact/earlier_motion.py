@@ -24,7 +24,7 @@ ROUNDING = 1e-9
 SAMPLES = 512  # points on faces, and as many vertices at most
 
 OF_COPIES = 8
-"""How many times as many vertices may be kept of copies, and edges along the longest side of each."""
+"""Of copies, at most so many times SAMPLES vertices are kept; each has as many edges along its longest side."""
 
 MARGIN = 0.0005
 """How far below a floor points that lie between the samples may come, of the subject's height."""

@@ -22,7 +22,7 @@ FINENESS = 32
 """Edges of a solid along its longest side; models are as their files have them."""
 
 RIGID = 1e-6
-"""Of a subject's size: how far its points may be from where a rigid motion takes them."""
+"""How far points may be from where a rigid motion takes them, in sizes of the subject."""
 
 SIDES = np.concatenate([np.eye(3)[[1, 0, 2]], -np.eye(3)[[1, 0, 2]]])
 
@@ -131,7 +131,7 @@ class Obstacle:
         key = (at, fall)
         if key not in self.known:
             axes, mesh, some = self.axes, self.surface.mesh, self.surface.samples
-            rigid = at and rigid_motion(some.points(0.0), some.points(at))
+            rigid = rigid_motion(some.points(0.0), some.points(at)) if at else None
             if rigid and np.abs(rigid[0] @ axes[1] - axes[1]).max() < RIGID:
                 axes = axes @ rigid[0].T
                 heights = self.relief(0.0, fall)[1].moved(axes @ rigid[1])

@@ -61,7 +61,7 @@ def floats_at(address: int) -> Floats:
 def is_lacking(
     table: Floats, marks: bool, x0: float, x1: float, y0: float, y1: float, z0: float, z1: float
 ) -> bool:
-    """Tell whether a chunk was not read that points between two corners need; `marks`: have it read."""
+    """Tell whether points between two corners need a chunk that is not read yet; `marks` it as wanted."""
     is_read, is_wanted, lacking = floats_at(int(table[IS_READ])), floats_at(int(table[IS_WANTED])), False
     nx, ny, nz = int(table[COUNTS]), int(table[COUNTS + 1]), int(table[COUNTS + 2])
     y, z = ENDS + 2 * nx, ENDS + 2 * (nx + ny)
@@ -151,7 +151,7 @@ class TimeChunks:
             self.is_read[k] = 1.0
 
     def _fill_wanted(self) -> None:
-        """Read what kernels want. They raise nothing; who finds NaN asks for `velocity`, which does."""
+        """Read what kernels want. They pass no errors on: `velocity` raises them when next asked."""
         try:
             with self._lock:
                 chosen = np.flatnonzero((self.is_wanted > 0.0) & (self.is_read == 0.0))
@@ -201,7 +201,7 @@ def small_pages(shape: tuple[int, ...]) -> np.ndarray:
 class _Address:
     """The address of an array of a time, which is opened when a table takes it, and kept from then on.
 
-    Each time that it is taken it raises what reading a chunk has raised since.
+    Taking it raises what reading a chunk for a kernel has raised meanwhile.
     """
 
     def __init__(self, opened: Callable[[], TimeChunks], make: Callable[[TimeChunks], np.ndarray]) -> None:

@@ -103,8 +103,8 @@ def open_dataset(path: Path, group: str | None) -> Any:
         raise UsageError(f"{path}: NetCDF 3 has no groups. Leave out group.")
     if engine == "h5netcdf":
         more["phony_dims"] = "access"
-    if engine == "zarr":  # else xarray tries it, and the error that it catches keeps arrays in memory
-        more["consolidated"] = _is_consolidated(path)
+    if engine == "zarr":  # each array's own metadata, as chunks are read by: copies of it may be stale
+        more["consolidated"] = False
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -114,13 +114,6 @@ def open_dataset(path: Path, group: str | None) -> Any:
                 raise
             remedy = suggest(group, known, cutoff=1.0) if known else "Leave out group."
             raise UsageError(f"{path}: it has no group {shorten(group)}. {remedy}") from error
-
-
-def _is_consolidated(path: Path) -> bool:
-    """Tell whether the metadata of all arrays of a Zarr store are in one file."""
-    if not (path / "zarr.json").is_file():
-        return (path / ".zmetadata").is_file()
-    return json.loads((path / "zarr.json").read_text("utf-8")).get("consolidated_metadata") is not None
 
 
 @dataclass(frozen=True)

@@ -157,6 +157,16 @@ def test_chunks_are_read_as_zarr_reads_them(tmp_path: Path, more: dict[str, Any]
     np.testing.assert_array_equal(samples.velocities(1), samples.read(1))
 
 
+def test_copies_of_metadata_that_are_stale_change_no_velocity(tmp_path: Path) -> None:
+    store = write(tmp_path, zarr_format=2, encoding={"_FillValue": np.float32(-9.0)}, consolidated=True)
+    np.testing.assert_array_equal(samples_of(store).read(0), samples_of(store).velocities(0))
+    (store / "u/0.0.0.0").unlink()
+    copies = store / ".zmetadata"
+    copies.write_text(copies.read_text().replace('"fill_value": -9.0', '"fill_value": 5.0'))
+    samples = samples_of(store)
+    np.testing.assert_array_equal(samples.read(0), samples.velocities(0))
+
+
 def test_data_that_no_single_node_decides_are_read_whole(tmp_path: Path) -> None:
     store = write(tmp_path)
     assert samples_of(store).parts is not None and samples_of(store, Placing(land="slide")).parts is None
