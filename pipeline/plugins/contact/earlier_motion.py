@@ -24,7 +24,7 @@ ROUNDING = 1e-9
 SAMPLES = 512  # points on faces, and as many vertices at most
 
 OF_COPIES = 8
-"""Of copies, at most so many times SAMPLES vertices are kept; each has as many edges along its longest side."""
+"""Up to so many times SAMPLES vertices are kept of copies; each has so many edges along its longest side."""
 
 MARGIN = 0.0005
 """How far below a floor points that lie between the samples may come, of the subject's height."""
